@@ -20,6 +20,7 @@ use bodyflight_core::frame::{Body, Inertial, Rotation, Vector, facing_north};
 use bodyflight_core::math::small_rotation;
 use bodyflight_core::{Posture, Real};
 use bodyflight_tests::estimator_flights::Noise;
+use bodyflight_tests::range_watch::RangeWatch;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// What happens to the measurements of a stretch; bits select attitude, angular velocity and velocity.
@@ -210,7 +211,7 @@ fn error(estimate: &MotionEstimate<f32>, motion: &Motion<f64>, inputs: &Inputs<f
 }
 
 /// Flies a random minute.
-fn minute(seed: u64, counts: &mut Counts) {
+fn minute(seed: u64, counts: &mut Counts, ranges: &mut RangeWatch) {
     let mut random = Random(Noise::new(seed));
     let body = Person::new(1.75, 75.0, Sex::Male).body().unwrap();
     let dynamics = Dynamics {
@@ -283,7 +284,9 @@ fn minute(seed: u64, counts: &mut Counts) {
         }
         let mut seen = random.measured(&motion);
         change.apply(&mut seen, &mut random);
-        let Some(estimate) = filter.push(&to.cast(), &seen.cast()) else {
+        let pushed = filter.push_recorded(&to.cast(), &seen.cast().into(), ranges);
+        ranges.see(&filter);
+        let Some(estimate) = pushed else {
             continue;
         };
         counts.not_finite += u32::from(
@@ -324,10 +327,11 @@ fn random_minutes_leave_the_filter_definite_and_it_comes_back() {
         .and_then(|minutes| minutes.parse().ok())
         .unwrap_or(30);
     let mut counts = Counts::default();
+    let mut ranges = RangeWatch::default();
     for seed in 0..minutes {
-        minute(seed, &mut counts);
+        minute(seed, &mut counts, &mut ranges);
     }
-    println!("{minutes} minutes: {counts:?}");
+    println!("{minutes} minutes: {counts:?}\n{}", ranges.report());
     assert_eq!(
         [counts.not_finite, counts.indefinite, counts.subnormal],
         [0; 3]

@@ -7,6 +7,10 @@ use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
 use bodyflight_core::estimator::MOTION_LIMITS;
 use bodyflight_core::estimator::measurement::Measurement;
+use bodyflight_core::estimator::motion::ReducedMotionFilter;
+use bodyflight_core::estimator::motion::measurement::{MotionMeasurement, SensorMeasurement};
+use bodyflight_core::estimator::motion::sensors::{Gyroscope, ReceiverVelocity, SpecificForce};
+use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset};
 use bodyflight_core::estimator::ranges::{
     ANGULAR_MOMENTUM, ANGULAR_VELOCITY, CENTRE, DAMPING, DAMPING_RATE, DYNAMIC_PRESSURE, FORCE,
     INERTIA, INVERSE_INERTIA, LINEAR_MOMENTUM, MOMENT, MUSCLE_INPUT, POSITION, RANGES,
@@ -16,6 +20,7 @@ use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::wrap_angle;
 use bodyflight_core::{Posture, Segment};
 use bodyflight_tests::estimator_flights::{ANGLE_FLYING, FLIPS_AND_ROLLS, Flight, TURNS};
+use bodyflight_tests::range_watch::RangeWatch;
 use bodyflight_tests::transitions::STYLES;
 use bodyflight_tests::{reference, reference_body};
 use nalgebra::Vector3;
@@ -35,8 +40,12 @@ fn page() -> String {
         what the largest value found leaves room for (20,000 motions in every test run, more with \
         `BODYFLIGHT_RANGES_ROUNDS`); *time* means that it grows and nothing resets it: 8192 m hold for 80 s at the largest \
         speed, and a filter in fixed point would have to move its origin along. \
-        Covariances are not in the table: they are kept as factors `U D U^T` whose elements span twenty decades, for which \
-        no fixed-point format serves; they need floating point.\n\n",
+        The covariance of the motion filter is kept as factors `U D U^T` of coordinates of very different size. The rows for \
+        factors, gain and transition are for coordinates divided by powers of two (2 rad, 64 m/s, 32 rad/s, 4 of muscle \
+        input, 8 of damping, 1/4 m2, 1/16 m3), and contain the extremes of the search: a person of 30 kg in a storm of \
+        173 m/s, measured by garbage. In flights `D` stays between 4e-8 and 100, `U` below 500, gains below 60 and innovations \
+        below 100, so a fixed-point filter would have to scale by the flight, or clamp; in single precision no range is \
+        reached. Every test of the filter in the unit's form checks these ranges (`tests/range_watch.rs`).\n\n",
     );
     text.push_str(TABLE_HEAD);
     text.push('\n');
@@ -236,6 +245,91 @@ fn nothing_that_is_allowed_leaves_a_range() {
     for (range, top) in used {
         println!("{:24} reached {top:12.3} of {}", range.name, range.limit);
     }
+}
+
+/// The unit's filter at the edges: people, densities and winds as above, any start, and for a second measurements anywhere
+/// in the range of the link or close to the truth.
+#[test]
+fn a_filter_stays_in_range_at_the_edges() {
+    let rounds = std::env::var("BODYFLIGHT_RANGES_ROUNDS");
+    let rounds = rounds.map_or(20_000, |rounds| rounds.parse().unwrap()) / 50;
+    let mut edges = Edges(11);
+    let mut ranges = RangeWatch::default();
+    let mut flown = 0;
+    for round in 0..rounds {
+        let sex = if edges.next() < 0.0 {
+            Sex::Female
+        } else {
+            Sex::Male
+        };
+        let person = Person::new(edges.within(1.2, 2.3), edges.within(30.0, 200.0), sex);
+        let Ok(body) = person.body() else {
+            continue;
+        };
+        flown += 1;
+        let mut dynamics = Dynamics {
+            muscles: BACK_TRACKING,
+            ..Dynamics::paper(body, edges.within(0.1, 2.0))
+        };
+        dynamics.air.velocity = Vector::from_components(edges.vector(100.0).into());
+        let attitude = |edges: &mut Edges| {
+            let [psi, theta, phi] = edges.vector(3.0);
+            Rotation::from_quaternion(joint_rotation(psi, theta, phi))
+        };
+        let start = Motion {
+            inertial_from_body: attitude(&mut edges),
+            position: Vector::zero(),
+            velocity: Vector::from_components(edges.vector(57.0).into()),
+            angular_velocity: Vector::from_components(edges.vector(20.0).into()),
+        };
+        let mut preset = MotionPreset {
+            sample_rate: [40.0, 240.0][round % 2],
+            ..MOTION
+        };
+        if edges.next() < 0.0 {
+            preset = preset.with_assumed_posture();
+        }
+        let posture = Posture::h_pose();
+        let made = ReducedMotionFilter::<f32>::new(
+            &preset,
+            &dynamics.cast(),
+            &start.cast(),
+            &posture.cast(),
+        );
+        let mut filter = Box::new(made.unwrap());
+        for k in 0..80 {
+            let bent = joint_rotation(0.0, 0.02 * f64::from(k), 0.0);
+            let posture = posture.with(Segment::RightForearm, bent);
+            let mut seen = MotionMeasurement::none();
+            if edges.next() < 0.5 {
+                seen.inertial_from_body = Some(attitude(&mut edges));
+            }
+            if edges.next() < 0.5 {
+                seen.velocity = Some(Vector::from_components(edges.vector(73.0).into()));
+            }
+            let mut sensors = SensorMeasurement::from(seen);
+            sensors.gyroscope = Some(Gyroscope {
+                angular_velocity: Vector::from_components(edges.vector(20.0).into()),
+                deviation: edges.within(0.0, 1.0),
+            });
+            sensors.specific_force = Some(SpecificForce {
+                force: Vector::from_components(edges.vector(255.0).into()),
+                deviation: edges.within(0.0, 3.0),
+                arm: Vector::zero(),
+            });
+            sensors.receiver = (edges.next() > 0.5).then(|| ReceiverVelocity {
+                velocity: Vector::from_components(edges.vector(73.0).into()),
+                horizontal_deviation: edges.within(0.0, 60.0),
+                vertical_deviation: edges.within(0.0, 60.0),
+                age: edges.within(0.0, 1.0),
+                arm: Vector::zero(),
+            });
+            filter.push_recorded(&posture.cast(), &sensors.cast(), &mut ranges);
+            ranges.see(&filter);
+        }
+    }
+    assert!(flown > rounds / 4, "{flown} of {rounds} people have a body");
+    println!("{}", ranges.report());
 }
 
 /// A posture sample with everything that a step reads of it rounded to its format.

@@ -2,173 +2,21 @@
 //! accelerometer without a suit, on the ground, in an aircraft, and in a fall. The flights are the same model's; noise,
 //! wind, biases and drag are not those that the filter assumes.
 
-use bodyflight_core::air::STANDARD_GRAVITY;
-use bodyflight_core::body::anthropometry::{Person, Sex};
-use bodyflight_core::body::pattern;
-use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
-use bodyflight_core::dynamics::trim::{trim, with_knees};
-use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
-use bodyflight_core::estimator::motion::ReducedMotionFilter;
-use bodyflight_core::estimator::motion::estimate::MotionEstimate;
-use bodyflight_core::estimator::motion::measurement::{MotionMeasurement, SensorMeasurement};
-use bodyflight_core::estimator::motion::sensors::{
-    Barometer, Gyroscope, ReceiverVelocity, SpecificForce,
-};
-use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset};
-use bodyflight_core::estimator::motion::state::{MUSCLE, RESIDUAL_FORCE, VELOCITY};
+use bodyflight_core::Posture;
+use bodyflight_core::dynamics::{Inputs, Motion, State};
+use bodyflight_core::estimator::motion::measurement::SensorMeasurement;
+use bodyflight_core::estimator::motion::sensors::Barometer;
+use bodyflight_core::estimator::motion::state::{ATTITUDE, MUSCLE, RESIDUAL_FORCE, SPIN, VELOCITY};
 use bodyflight_core::estimator::motion::support::Situation;
 use bodyflight_core::estimator::motion::watch::Consistency;
-use bodyflight_core::frame::{Body, Inertial, Rotation, Vector, facing_north};
-use bodyflight_core::math::small_rotation;
-use bodyflight_core::{Posture, Real};
+use bodyflight_core::frame::{Inertial, Vector, facing_north};
 use bodyflight_tests::estimator_flights::Noise;
-use nalgebra::Vector3;
+use bodyflight_tests::range_watch::RangeWatch;
 
-/// Sample rate (Hz).
-const RATE: f64 = 100.0;
-/// Place of the sensor on the chest (m).
-const ARM: [f64; 3] = [0.05, 0.25, 0.1];
-/// Bias of the gyroscope (rad/s).
-const BIAS: [f64; 3] = [0.02, -0.03, 0.015];
+#[path = "estimator_sensors/flights.rs"]
+mod flights;
 
-struct Flyer {
-    dynamics: Dynamics<f64>,
-    posture: Posture<f64>,
-    motion: Motion<f64>,
-}
-
-/// A person in a trimmed belly fall.
-fn flyer() -> Flyer {
-    let body = Person::new(1.75, 75.0, Sex::Male).body().unwrap();
-    let dynamics = Dynamics {
-        muscles: BACK_TRACKING,
-        ..Dynamics::paper(body, 1.0)
-    };
-    let fall = trim(&dynamics, &pattern::neutral(), 0.0).unwrap();
-    let attitude = facing_north(fall.body_pitch);
-    Flyer {
-        posture: with_knees(&pattern::neutral(), fall.knee),
-        motion: Motion {
-            inertial_from_body: attitude,
-            position: Vector::zero(),
-            velocity: attitude.inverse() * Vector::new(0.0, 0.0, -fall.terminal_speed),
-            angular_velocity: Vector::zero(),
-        },
-        dynamics,
-    }
-}
-
-fn vector(noise: &mut Noise, size: f64) -> Vector3<f64> {
-    Vector3::from_fn(|_, _| noise.normal(size))
-}
-
-fn filter(flyer: &Flyer, posture: &Posture<f64>) -> Box<ReducedMotionFilter<f32>> {
-    let preset = MotionPreset {
-        sample_rate: f32::of(RATE),
-        ..MOTION
-    };
-    let (dynamics, motion) = (flyer.dynamics.cast(), flyer.motion.cast());
-    Box::new(ReducedMotionFilter::new(&preset, &dynamics, &motion, &posture.cast()).unwrap())
-}
-
-/// What sensors measure of a motion that was `before` one sample ago.
-fn sensed(motion: &Motion<f64>, before: &Motion<f64>, noise: &mut Noise) -> SensorMeasurement<f64> {
-    let tilt = small_rotation(&vector(noise, 0.01));
-    let attitude = Rotation::from_quaternion(motion.inertial_from_body.quaternion() * tilt);
-    let (spin, arm) = (
-        motion.angular_velocity,
-        Vector::<_, Body>::from_components(ARM.into()),
-    );
-    let change = motion.velocity_inertial() - before.velocity_inertial();
-    let force = change * RATE + Vector::new(0.0, 0.0, STANDARD_GRAVITY);
-    let turn = (spin - before.angular_velocity) * RATE;
-    let force = motion.inertial_from_body.inverse() * force
-        + turn.cross(&arm)
-        + spin.cross(&spin.cross(&arm));
-    SensorMeasurement {
-        gyroscope: Some(Gyroscope {
-            angular_velocity: spin
-                + Vector::from_components(Vector3::from(BIAS) + vector(noise, 0.01)),
-            deviation: 0.01,
-        }),
-        specific_force: Some(SpecificForce {
-            force: force + Vector::from_components(vector(noise, 0.5)),
-            deviation: 0.7,
-            arm,
-        }),
-        ..MotionMeasurement {
-            inertial_from_body: Some(attitude),
-            ..MotionMeasurement::none()
-        }
-        .into()
-    }
-}
-
-fn receiver(motion: &Motion<f64>, age: f64, noise: &mut Noise) -> ReceiverVelocity<f64> {
-    ReceiverVelocity {
-        velocity: motion.velocity_inertial() + Vector::from_components(vector(noise, 0.15)),
-        horizontal_deviation: 0.15,
-        vertical_deviation: 0.3,
-        age,
-        arm: Vector::zero(),
-    }
-}
-
-/// How a flight differs from what the filter assumes.
-struct Flight {
-    wind: [f64; 2],
-    /// Drag area that the posture does not account for (m2).
-    drag_area: f64,
-    accelerometer: bool,
-    /// Samples between solutions of the receiver, the sample of the first, and the age of each in samples.
-    receiver: [u32; 3],
-}
-
-/// Flies for a minute; calls `each` with the truth and the estimate after the first 15 s.
-fn fly(
-    flight: &Flight,
-    mut each: impl FnMut(&Motion<f64>, &Inputs<f64>, &MotionEstimate<f32>),
-) -> Box<ReducedMotionFilter<f32>> {
-    let flyer = flyer();
-    let mut air = flyer.dynamics;
-    let [north, west] = flight.wind;
-    air.air.velocity = Vector::new(north, west, 0.0);
-    let mut filter = filter(&flyer, &flyer.posture);
-    let hold: PostureSample<f64> = air.hold(&flyer.posture);
-    let carried = flyer.motion.inertial_from_body.inverse() * air.air.velocity;
-    let start = Motion {
-        velocity: flyer.motion.velocity + carried,
-        ..flyer.motion
-    };
-    let mut state = State::from_motion(&start, &hold);
-    let mut noise = Noise::new(5);
-    let mut history = vec![start; 64];
-    for k in 1..=60 * 100u32 {
-        let time = f64::from(k) / RATE;
-        let mut inputs = Inputs::belly_turn();
-        inputs.muscle.pitch = 0.5 * (0.5 * time).sin();
-        inputs.muscle.yaw = 0.6 * (0.8 * time).sin();
-        inputs.residual.force = Vector::new(0.0, 0.0, flight.drag_area);
-        state = air.step(&state, &hold, &inputs, 1.0 / RATE);
-        let motion = state.motion(&hold);
-        history.rotate_right(1);
-        history[0] = motion;
-        let mut measured = sensed(&motion, &history[1], &mut noise);
-        if !flight.accelerometer {
-            measured.specific_force = None;
-        }
-        let [every, first, age] = flight.receiver;
-        if k % every == first {
-            let then = history[age as usize];
-            measured.receiver = Some(receiver(&then, f64::from(age) / RATE, &mut noise));
-        }
-        let estimate = filter.push_sensors(&flyer.posture.cast(), &measured.cast());
-        if let Some(estimate) = estimate.filter(|_| time > 15.0) {
-            each(&motion, &inputs, &estimate);
-        }
-    }
-    filter
-}
+use flights::{BIAS, Flight, RATE, filter, fly, flyer, receiver, sensed};
 
 /// Root mean squares of the velocity's error and of its stated deviation (m/s).
 fn velocity_error(flight: &Flight) -> [f64; 2] {
@@ -187,6 +35,9 @@ const STILL_AIR: Flight = Flight {
     wind: [0.0; 2],
     drag_area: 0.0,
     accelerometer: false,
+    attitude: true,
+    scale: [0.0; 3],
+    turn: 0.0,
     receiver: [20, 7, 0],
 };
 
@@ -256,6 +107,60 @@ fn an_accelerometer_makes_the_velocity_more_accurate() {
     assert!(with[0] < 0.85 * without[0] && with[1] < 0.8 * without[1]);
 }
 
+/// Errors of attitude, velocity and angular velocity in their stated deviations: root mean squares, and the largest.
+fn in_deviations(flight: &Flight) -> [[f64; 2]; 3] {
+    let (mut found, mut count) = ([[0.0_f64; 2]; 3], 0.0);
+    fly(flight, |motion, _, estimate| {
+        let estimated = estimate.motion.cast::<f64>();
+        let turn = motion.inertial_from_body.inverse() * estimated.inertial_from_body;
+        let velocity = estimated.velocity_inertial() - motion.velocity_inertial();
+        let spin = estimated.angular_velocity - motion.angular_velocity;
+        let errors = [
+            (ATTITUDE, turn.quaternion().scaled_axis()),
+            (VELOCITY, velocity.components),
+            (SPIN, spin.components),
+        ];
+        for ((first, error), [sum, largest]) in errors.into_iter().zip(&mut found) {
+            for axis in 0..3 {
+                let share = error[axis] / f64::from(estimate.deviation[first + axis]);
+                *sum += share * share / 3.0;
+                *largest = largest.max(share.abs());
+            }
+        }
+        count += 1.0;
+    });
+    found.map(|[sum, largest]| [(sum / count).sqrt(), largest])
+}
+
+/// Turns of 4 and 9 rad/s. With a scale that is taken as exact, an attitude that is not measured would be off by up to 12
+/// deviations.
+#[test]
+fn a_gyroscope_of_a_wrong_scale_leaves_estimates_within_their_bars() {
+    for (attitude, turn) in [(true, 0.1), (true, 0.2), (false, 0.1), (false, 0.2)] {
+        for scale in [
+            [0.01, -0.01, 0.01],
+            [-0.01; 3],
+            [0.03; 3],
+            [-0.03, 0.03, -0.03],
+        ] {
+            let found = in_deviations(&Flight {
+                accelerometer: true,
+                attitude,
+                scale,
+                turn,
+                ..STILL_AIR
+            });
+            println!("attitude {attitude}, turn {turn}, scale {scale:?}: {found:.2?}");
+            for [mean, largest] in found {
+                assert!(
+                    mean < 1.1 && largest < 5.0,
+                    "{attitude} {turn} {scale:?}: {found:?}"
+                );
+            }
+        }
+    }
+}
+
 /// Estimates at the end of a minute in which a body with this attitude moves at a constant velocity, carried by
 /// something other than the air; the share of `consistent` ones, and of those recognised as supported.
 fn carried(velocity: [f64; 3], with: impl Fn(&mut SensorMeasurement<f64>)) -> [f64; 2] {
@@ -271,18 +176,22 @@ fn carried(velocity: [f64; 3], with: impl Fn(&mut SensorMeasurement<f64>)) -> [f
     };
     let mut noise = Noise::new(8);
     let (mut counts, mut all) = ([0.0; 2], 0.0);
+    let mut ranges = RangeWatch::default();
     for k in 1..=60 * 100u32 {
         let mut measured = sensed(&motion, &motion, &mut noise);
         if k % 20 == 0 {
             measured.receiver = Some(receiver(&motion, 0.1, &mut noise));
         }
         with(&mut measured);
-        if let Some(estimate) = filter.push_sensors(&assumed.cast(), &measured.cast()) {
+        let estimate = filter.push_recorded(&assumed.cast(), &measured.cast(), &mut ranges);
+        ranges.see(&filter);
+        if let Some(estimate) = estimate {
             all += 1.0;
             counts[0] += f64::from(u8::from(estimate.consistency == Consistency::Consistent));
             counts[1] += f64::from(u8::from(estimate.situation == Situation::Supported));
         }
     }
+    println!("{}", ranges.report());
     counts.map(|count| count / all)
 }
 

@@ -5,6 +5,7 @@ pub mod estimator_flights;
 pub mod fuzz_targets;
 pub mod greeting;
 pub mod program;
+pub mod range_watch;
 pub mod small_recording;
 pub mod transitions;
 

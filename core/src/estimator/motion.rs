@@ -14,6 +14,7 @@
 
 pub mod activity;
 pub mod airflow;
+mod assumed;
 mod climb;
 pub mod constants;
 pub mod covariance;
@@ -30,6 +31,7 @@ mod publish;
 mod recovery;
 mod rejection;
 pub mod repeats;
+mod scale;
 pub mod sensors;
 pub mod settings;
 mod start;
@@ -248,6 +250,23 @@ mod tests {
         assert!(!estimate.channels[3].fused && estimate.channels[0].fused);
         assert!(estimate.watch.channels[0].repeated < 0.1);
         assert!(filter.state().motion.is_finite());
+    }
+
+    #[test]
+    fn without_measurements_an_estimate_is_doubtful_and_then_lost() {
+        for (blind_from, expected) in [
+            (1200, Consistency::Consistent),
+            (1000, Consistency::Doubtful),
+            (480, Consistency::Lost),
+        ] {
+            let (filter, estimate) = filtered(5, 0.3, |k, seen, _| {
+                if k >= blind_from {
+                    *seen = MotionMeasurement::none();
+                }
+            });
+            assert_eq!(estimate.unwrap().consistency, expected, "{blind_from}");
+            assert!(filter.state().is_finite());
+        }
     }
 
     #[test]

@@ -12,6 +12,7 @@ use core::fmt;
 use nalgebra::Quaternion;
 
 use crate::dynamics::State;
+use crate::estimator::motion::state::STATES;
 use crate::frame::{Inertial, Rotation, Vector};
 use crate::math::{Real, normalized};
 use Bound::{Construction, Search, Time};
@@ -161,8 +162,32 @@ pub const HORIZONTAL_SPEED: Range = range("measured speed", "m/s", 128.0, 0.1, C
 /// Component of the vertical in body axes.
 pub const VERTICAL: Range = range("measured vertical", "1", 1.5, 0.01, Construction);
 
+/// Powers of two of which an error coordinate of the motion filter is a multiple in fixed point, by quantity: attitude
+/// (rad), velocity (m/s), angular velocity (rad/s), muscle input, damping, residual force (m2) and moment (m3). With them
+/// coordinates of very different size have factors of about the same, and scaling changes no bit of a mantissa.
+const SCALES: [f64; STATES / 3] = [2.0, 64.0, 32.0, 4.0, 8.0, 0.25, 0.0625];
+
+/// Scale of an error coordinate of the motion filter.
+pub const fn scale(coordinate: usize) -> f64 {
+    SCALES[coordinate / 3]
+}
+
+/// Element of the diagonal factor `D` of the covariance, of scaled coordinates; its elements are clamped to 2^20.
+pub const PIVOT: Range = range("factor D", "1", 268_435_456.0, 0.0, Construction);
+/// Element of the factor `U` of the covariance, of scaled coordinates.
+pub const UNIT: Range = range("factor U", "1", 4096.0, 0.0, Search);
+/// Gain: scaled coordinate per unit of a channel.
+pub const GAIN: Range = range("gain", "1", 16_384.0, 0.0, Search);
+/// Difference of a measurement and its prediction (rad, m/s, rad/s or m/s2) that was fused.
+pub const INNOVATION: Range = range("innovation", "channel", 2_097_152.0, 0.0, Search);
+/// Standard deviation of such a difference.
+pub const INNOVATION_DEVIATION: Range =
+    range("innovation deviation", "channel", 2_097_152.0, 0.0, Search);
+/// Derivative of the motion at the end of an interval, of scaled coordinates; intervals in which one is larger are not used.
+pub const SLOPE: Range = range("transition", "1", 1_048_576.0, 0.0, Construction);
+
 /// The table of all ranges.
-pub const RANGES: [Range; 20] = [
+pub const RANGES: [Range; 26] = [
     ATTITUDE,
     POSITION,
     VELOCITY,
@@ -183,6 +208,12 @@ pub const RANGES: [Range; 20] = [
     ANGLE,
     HORIZONTAL_SPEED,
     VERTICAL,
+    PIVOT,
+    UNIT,
+    GAIN,
+    INNOVATION,
+    INNOVATION_DEVIATION,
+    SLOPE,
 ];
 
 /// Head of the table in Markdown; the rows are the text of the [`Range`]s.

@@ -55,6 +55,16 @@ impl Faults {
         self == Self::default()
     }
 
+    /// Returns whether the filter itself failed, and not only a measurement or the rate of the samples.
+    pub fn is_of_filter(self) -> bool {
+        let outside = Self {
+            measurement: self.measurement,
+            rate: self.rate,
+            ..Self::default()
+        };
+        self != outside
+    }
+
     /// Returns the faults as bits in the order of the fields, lowest bit first, for links and logs.
     pub fn bits(self) -> u8 {
         let Self {

@@ -10,7 +10,7 @@ use nalgebra::{SMatrix, SVector};
 use crate::math::{Real, flushed};
 
 /// Smallest and largest element of `D`.
-pub const PIVOTS: [f64; 2] = [1e-12, 1e9];
+pub const PIVOTS: [f64; 2] = [1e-12, 1_048_576.0];
 /// Largest magnitude of an element of `U`.
 pub const LARGEST_UNIT: f64 = 1e9;
 

@@ -9,6 +9,7 @@ use bodyflight_emulator::sensed::{Errors, Sensed, is_consistent};
 use bodyflight_laboratory::sensor_bytes::{Raw, SensorBytes};
 use bodyflight_unit::monitor::Input;
 use bodyflight_unit::sensor_line;
+use nalgebra::Vector3;
 
 /// Names of the flights' folders, with what acts in them.
 const FLIGHTS: [&str; 12] = [
@@ -224,6 +225,58 @@ fn a_sensor_without_an_orientation_finds_north_by_the_receiver() {
         }
     }
     assert!(agreeing > 0.5 * all, "{agreeing} of {all}");
+}
+
+/// From the exit on, at another velocity than the fall that is assumed: nothing agrees with the sensors that only follows
+/// from the assumption.
+#[test]
+fn a_velocity_that_is_only_assumed_agrees_with_nothing() {
+    for (raw, receiver_rate, latency, specific_force) in [
+        (None, 1.0, 0.1, Some([0.02, 0.05])),
+        (None, 5.0, 0.1, Some([0.02, 0.05])),
+        (None, 5.0, 0.1, None),
+        (None, 0.5, 1.0, Some([0.02, 0.05])),
+        (None, 0.5, 1.0, None),
+        (Some(RAW), 1.0, 0.1, Some([0.02, 0.05])),
+        (Some(RAW), 5.0, 1.0, Some([0.02, 0.05])),
+    ] {
+        let sensor = SensorBytes {
+            receiver_rate,
+            latency,
+            raw,
+            specific_force,
+            ..SensorBytes::TYPICAL
+        };
+        let exit = Sensed::of_maneuver("exit-and-tracking", 8.0, &sensor).unwrap();
+        let bytes: Vec<u8> = exit.bytes.iter().flat_map(|(_, b)| b.clone()).collect();
+        let input = Input::new(Cursor::new(bytes), Path::new("a flight"));
+        let (flight, _) = sensor_line::run(&exit.setup, &input, |_| ()).unwrap();
+        let start = raw.map_or(0.0, |raw| raw.rest);
+        let place = format!(
+            "orientation {}, {receiver_rate} Hz, {latency} s late",
+            raw.is_none()
+        );
+        let (mut agreeing, mut all, mut worst) = (0.0, 0.0, 0.0_f32);
+        for (time, estimate) in flight.estimates() {
+            let time = time - start;
+            let Some((velocity, _)) = exit.truth(time).filter(|_| time > 0.0) else {
+                continue;
+            };
+            all += 1.0;
+            if is_consistent(estimate) {
+                agreeing += 1.0;
+                worst = worst.max((Vector3::from(estimate.velocity) - velocity).norm());
+            }
+        }
+        eprintln!("{place}: {agreeing:.0} of {all:.0} agree, at most {worst:.1} m/s off");
+        // As long as nothing is measured, the deviation is up to 6 m/s.
+        let is_prompt = latency * receiver_rate <= 0.5 && receiver_rate >= 1.0;
+        assert!(
+            worst < if is_prompt { 2.5 } else { 8.0 },
+            "{place}: {worst}"
+        );
+        assert!(!is_prompt || agreeing > 0.8 * all, "{place}: {agreeing}");
+    }
 }
 
 /// Flights of the independent simulator that begin in a steady fall: whatever agrees must be right.

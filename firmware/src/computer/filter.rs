@@ -223,7 +223,8 @@ fn motion_answer(
         consistency == Consistency::Doubtful,
     );
     flags.set(EstimateFlags::LOST, consistency == Consistency::Lost);
-    flags.set(EstimateFlags::FAULT, !estimate.faults.none());
+    // A rejected channel is no failure of the filter.
+    flags.set(EstimateFlags::FAULT, estimate.faults.is_of_filter());
     flags.set(EstimateFlags::RATE, estimate.faults.rate);
     flags.set(
         EstimateFlags::SUPPORTED,

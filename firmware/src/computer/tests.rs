@@ -194,3 +194,31 @@ fn the_same_configuration_does_not_disturb() {
     found.extend(answers(&mut twice, &all[100..]));
     assert_eq!(found, answers(&mut once, &all));
 }
+
+/// A speed that nobody has is rejected; the light does not say that the filter has failed.
+#[test]
+fn a_rejected_channel_is_no_fault_of_the_filter() {
+    let muscles = *UnitPreset::of(0).unwrap().muscles();
+    let preset = UnitPreset::number("auto", &muscles).unwrap();
+    let asked = Configure {
+        preset: u16::try_from(preset).unwrap(),
+        ..configure()
+    };
+    let mut computer = Computer::new();
+    computer.configure(Configuration::new(&asked, &table()).unwrap());
+    let mut flight = samples(480);
+    for (k, sample) in flight.iter_mut().enumerate().skip(240) {
+        if k % 40 < 2 {
+            let seen = link::Motion {
+                velocity: Some(Vector::new(120.0, 120.0, -120.0)),
+                ..sample.motion()
+            };
+            *sample = Sample::new(&sample.posture(), &sample.inertial_from_body(), &seen);
+        }
+    }
+    let found = answers(&mut computer, &numbered(&flight));
+    assert!(found.len() > 110);
+    for answer in found {
+        assert!(!answer.flags.contains(EstimateFlags::FAULT));
+    }
+}

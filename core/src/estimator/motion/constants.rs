@@ -133,6 +133,11 @@ impl<T: Real> Constants<T> {
         }
         let decay = process.decay();
         for constant in 0..CONSTANTS {
+            // The effect of one that no measurement corrects would grow without bounds.
+            let which = usize::from(constant >= BIAS);
+            if !self.awake[which] {
+                continue;
+            }
             let before = self.effect.column(constant).into_owned();
             let mut motion = SVector::<T, MOTION_STATES>::zeros();
             for k in 0..STATES {
@@ -150,10 +155,7 @@ impl<T: Real> Constants<T> {
             for i in 0..INPUT_STATES {
                 self.effect[(MOTION_STATES + i, constant)] *= decay[i];
             }
-            let which = usize::from(constant >= BIAS);
-            if self.awake[which] {
-                self.factors.add_to(constant, self.noise[which]);
-            }
+            self.factors.add_to(constant, self.noise[which]);
         }
     }
 

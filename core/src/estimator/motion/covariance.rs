@@ -8,7 +8,8 @@ use nalgebra::SVector;
 
 use super::process::Process;
 use super::state::{
-    ATTITUDE, INPUT_STATES, MOTION_STATES, MUSCLE, RESIDUAL_FORCE, SPIN, STATES, VELOCITY,
+    ATTITUDE, INPUT_STATES, MOTION_STATES, MUSCLE, RESIDUAL_FORCE, RESIDUAL_MOMENT, SPIN, STATES,
+    VELOCITY,
 };
 use super::transition::MotionSlope;
 use crate::estimator::ud::Ud;
@@ -24,8 +25,9 @@ const COLUMNS: usize = MOTION_STATES + 6;
 const LEAST_DECAY: f64 = 1.0 / 64.0;
 
 /// Standard deviations beyond which nothing is known: of the attitude (rad), of the velocity (m/s) and of the angular
-/// velocity (rad/s).
+/// velocity (rad/s), and of the residual force (m2) and moment (m3).
 const UNKNOWN: [f32; 3] = [2.0, 50.0, 20.0];
+const UNKNOWN_LOAD: [f32; 2] = [1.0, 0.5];
 
 /// Propagates the factors over an interval, with its noise.
 #[inline(never)]
@@ -194,14 +196,18 @@ pub fn limit<T: Real>(factors: &mut Factors<T>) -> bool {
     beyond
 }
 
-/// Variance of an error coordinate of the motion of which nothing is known.
+/// Variance of an error coordinate of the motion or the residual load of which nothing is known.
 pub fn unknown<T: Real>(k: usize) -> T {
-    let [attitude, velocity, spin] = UNKNOWN.map(|deviation| T::single(deviation * deviation));
-    match k {
+    let [attitude, velocity, spin] = UNKNOWN;
+    let [force, moment] = UNKNOWN_LOAD;
+    let deviation = match k {
         ATTITUDE..VELOCITY => attitude,
         VELOCITY..SPIN => velocity,
+        RESIDUAL_FORCE..RESIDUAL_MOMENT => force,
+        RESIDUAL_MOMENT.. => moment,
         _ => spin,
-    }
+    };
+    T::single(deviation * deviation)
 }
 
 #[cfg(test)]

@@ -16,6 +16,10 @@ use crate::estimator::propagation::Propagation;
 use crate::frame::Vector;
 use crate::math::Real;
 
+/// Largest derivative over an interval that means anything, in the units of the coordinates: beyond it the interval is too
+/// long for the forces that act.
+const LARGEST_SLOPE: f32 = 32_768.0;
+
 impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
     /// Advances to the next posture: first the posture's data, then the motion. They are separate functions so that
     /// their stack frames do not add up.
@@ -85,7 +89,9 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
                 self.slope[(row, DAMPING + axis)] *= trust;
             }
         }
-        if end.is_finite() && self.slope.iter().all(|v| v.is_finite()) {
+        // The comparison is false for NaN.
+        let largest = T::single(LARGEST_SLOPE);
+        if end.is_finite() && self.slope.iter().all(|v| v.abs() <= largest) {
             let after = end.motion.motion(&interval);
             let change = after.velocity_inertial() - motion.velocity_inertial();
             self.trail.push(change.components);
@@ -104,6 +110,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             covariance::cross(&mut self.factors, &self.slope, &self.process);
             self.constants.cross(&self.slope, &self.process);
         } else {
+            self.slope.fill(T::zero());
             self.faults.motion = true;
         }
         self.interval = Some(interval);

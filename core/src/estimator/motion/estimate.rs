@@ -65,6 +65,9 @@ pub struct MotionEstimate<T: Real> {
 pub trait Recorder<T: Real> {
     /// Called when a channel was fused; `spread` is the covariance of the errors with the channel.
     fn taken(&mut self, _row: &Row<T>, _innovation: &Innovation<T>, _spread: &Difference<T>) {}
+
+    /// Called for every channel that was fused, also one that depends on more than the motion, with the same `spread`.
+    fn weighed(&mut self, _channel: usize, _innovation: &Innovation<T>, _spread: &Difference<T>) {}
 }
 
 impl<T: Real> Recorder<T> for () {}

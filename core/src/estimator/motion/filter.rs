@@ -4,6 +4,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::activity::Activity;
 use super::airflow::Airflow;
+use super::assumed::Assumed;
 use super::climb::Climb;
 use super::constants::Constants;
 use super::covariance::Factors;
@@ -16,6 +17,7 @@ use super::process::Process;
 use super::recovery::Recovery;
 use super::rejection::Rejection;
 use super::repeats::Repeats;
+use super::scale::Scale;
 use super::settings::{MotionPreset, Slopes};
 use super::state::{Covariance, FlightState, inputs_of};
 use super::support::Support;
@@ -50,6 +52,8 @@ pub struct MotionFilter<T: Real, P: Propagation<T>> {
     /// The product of the factors when it was last asked for.
     pub(super) covariance: Covariance<T>,
     pub(super) constants: Constants<T>,
+    pub(super) scale: Scale<T>,
+    pub(super) assumed: Assumed<T>,
     pub(super) slope: MotionSlope<T>,
     pub(super) posture_error: PostureError<T>,
     pub(super) interval: Option<P::Interval>,
@@ -120,6 +124,8 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             factors: Factors::diagonal(&SVector::zeros()),
             covariance: SMatrix::zeros(),
             constants: Constants::new(preset, duration),
+            scale: Scale::new(preset),
+            assumed: Assumed::new(T::zero(), false),
             slope: SMatrix::zeros(),
             posture_error: PostureError::none(),
             interval: None,
@@ -172,6 +178,11 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
     /// Returns the covariance as the filter keeps it.
     pub fn factors(&self) -> &Factors<T> {
         &self.factors
+    }
+
+    /// Returns the derivatives of the motion over the last interval.
+    pub fn transition(&self) -> &MotionSlope<T> {
+        &self.slope
     }
 
     /// Returns the wind and the gyroscope's bias as estimated, and their effect on the state's errors.

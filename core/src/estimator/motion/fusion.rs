@@ -14,6 +14,7 @@ use super::repeats::BELIEVED;
 use super::state::{
     ATTITUDE, Difference, MOTION_STATES, RESIDUAL_FORCE, SPIN, STATES, VELOCITY, input_vector,
 };
+use super::support::Situation;
 use super::update::Innovation;
 use crate::dynamics::interval::Interval;
 use crate::estimator::factor::Cholesky;
@@ -25,6 +26,13 @@ use crate::math::Real;
 /// Error that a motion may have whose attitude, velocity or angular velocity turned out wrong: attitude (rad), velocity
 /// (m/s), angular velocity (rad/s).
 const MISLED: [f32; 3] = [0.05, 3.0, 0.3];
+
+/// Largest difference from a prediction that a measurement may have, in the unit of its channel: that of the air's force in
+/// a storm. More is a prediction that went wrong.
+const LARGEST_INNOVATION: f32 = 4096.0;
+
+/// Deviation of the velocity (m/s) beyond which the derivatives of the air's force mean nothing.
+const UNCLEAR: f32 = 6.0;
 
 /// Correction of the state and of the constants by the channels fused so far.
 pub(super) struct Moved<T: Real> {
@@ -71,9 +79,12 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         let measured = self
             .held
             .joined(measured, &prediction.motion, &self.trail, self.duration);
-        let measured = self.climb.with_rate(&measured, self.duration);
+        let mut measured = self.climb.with_rate(&measured, self.duration);
         self.repeats.take(&measured.motion, self.duration);
         self.constants.concern(&measured);
+        if measured.measures(RATE_CHANNELS.start) {
+            self.scale.concern(measured.reads(RATE_CHANNELS.start));
+        }
         let updraft = self.dynamics.air.velocity.up();
         self.support
             .take(&measured, &prediction.motion, updraft, self.duration);
@@ -83,6 +94,11 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             reset: false,
             recovered: false,
         };
+        let is_carried = self.support.situation() == Situation::Supported;
+        moved.reset |= self.assumed.take(&measured, is_carried, self.duration);
+        if measured.specific_force.is_some() && !self.is_velocity_clear() {
+            measured.specific_force = None;
+        }
         let mut fused = [false; 2];
         let mut followed = true;
         for k in 0..self.channels.len() {
@@ -95,11 +111,23 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         // What is rejected tells nothing of the rate.
         let is_fused = self.channels[..RATE_CHANNELS.end].iter().all(|c| c.fused);
         let attitude = measured.motion.inertial_from_body.filter(|_| is_fused);
+        let read = measured.gyroscope.map(|read| {
+            let spin = read.angular_velocity.components;
+            spin - self.constants.bias()
+        });
+        let spin = measured.motion.angular_velocity.map(|spin| spin.components);
         self.pace.take(
             attitude.as_ref().map(Rotation::quaternion),
-            measured.motion.angular_velocity.map(|spin| spin.components),
+            spin.or(read),
             self.duration,
         );
+        if attitude.is_none() {
+            let spin = &prediction.motion.angular_velocity.components;
+            let drift = self.scale.drift(spin, self.duration);
+            for (k, variance) in drift.iter().enumerate() {
+                self.factors.add_to(ATTITUDE + k, *variance);
+            }
+        }
         self.watch.suspect = self.rejections.iter().any(Rejection::is_suspect);
         self.watch.pace = self.pace.wrong();
         self.watch.pass(fused, self.duration);
@@ -137,7 +165,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         let noise = measured
             .stated_variance(k)
             .unwrap_or_else(|| self.noise.variance(k, spin));
-        let noise = noise + self.unmodelled(k);
+        let noise = noise + self.unmodelled(k, spin);
         let mut seen = self.factors.see(look.slope());
         let constants = self.constants.see(look.slope(), &look.direct);
         let mut own = seen.variance + noise;
@@ -175,6 +203,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             let gain = value / variance;
             moved.state += spread * gain;
             moved.constants += through * gain;
+            recorder.weighed(k, &Innovation { value, variance }, &spread);
             if look.reach == MOTION_STATES {
                 let row = Row {
                     innovation: look.innovation,
@@ -242,12 +271,14 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
                 .copy_from(&row.slope);
             (row.innovation, MOTION_STATES)
         };
-        let gyroscope = measured.motion.angular_velocity.is_none() && RATE_CHANNELS.contains(&k);
+        let gyroscope = measured.reads(k);
         if gyroscope {
             innovation -= self.constants.bias()[k - RATE_CHANNELS.start];
         }
         let direct = Constants::direct(k, slope.as_slice(), gyroscope, airflow);
-        innovation.is_finite().then_some(Look {
+        // False for NaN.
+        let is_plausible = innovation.abs() <= T::single(LARGEST_INNOVATION);
+        is_plausible.then_some(Look {
             innovation,
             slope,
             reach,
@@ -255,9 +286,12 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         })
     }
 
-    /// Variance of a channel beyond that of its sensor: the acceleration that the model misses.
-    fn unmodelled(&self, k: usize) -> T {
-        if FORCE_CHANNELS.contains(&k) {
+    /// Variance of a channel beyond the noise of its sensor: the acceleration that the model misses, and the scale of a
+    /// gyroscope at an angular velocity `spin` (rad/s).
+    fn unmodelled(&self, k: usize, spin: &nalgebra::Vector3<T>) -> T {
+        if RATE_CHANNELS.contains(&k) {
+            self.scale.variance(spin)[k - RATE_CHANNELS.start]
+        } else if FORCE_CHANNELS.contains(&k) {
             let [velocity, _] = self.process.motion_noise();
             velocity / (self.duration * self.duration)
         } else {
@@ -301,12 +335,31 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         if moved.reset || moved.recovered {
             self.forget_inputs();
         }
+        self.keep_assumption();
         if moved.recovered {
             self.activity.calm();
             self.watch.renew();
         }
         self.process.set_activity(self.activity.level());
         self.watch_residual();
+    }
+
+    /// Whether the velocity is known well enough for the air's force, which is quadratic in it.
+    fn is_velocity_clear(&self) -> bool {
+        let largest = T::single(UNCLEAR * UNCLEAR);
+        (VELOCITY..SPIN).all(|k| self.factors.variance(k) < largest)
+    }
+
+    /// Keeps a velocity that is only assumed as uncertain as it is.
+    fn keep_assumption(&mut self) {
+        for (k, least) in self.assumed.variances().into_iter().enumerate() {
+            if least > T::zero() {
+                let missing = least - self.factors.variance(VELOCITY + k);
+                if missing > T::zero() {
+                    self.factors.add_to(VELOCITY + k, missing);
+                }
+            }
+        }
     }
 
     /// Compares the residual load with the load that joint errors can cause.

@@ -201,6 +201,12 @@ impl<T: Real> SensorMeasurement<T> {
         channel == SPEED_CHANNEL && velocity
     }
 
+    /// Returns whether a channel is one of a gyroscope as read, which is used if no angular velocity is measured.
+    pub fn reads(&self, channel: usize) -> bool {
+        let is_read = self.motion.angular_velocity.is_none() && self.gyroscope.is_some();
+        RATE_CHANNELS.contains(&channel) && is_read
+    }
+
     /// Returns the variance that the sensor of a channel states, if it states one.
     pub fn stated_variance(&self, channel: usize) -> Option<T> {
         let deviation = match channel {

@@ -15,6 +15,10 @@ pub const JOINT_AXES: usize = 45;
 /// Variance added to each component of a load's covariance (m4 for forces, m6 for moments).
 const COVARIANCE_FLOOR: f64 = 1e-6;
 
+/// Least dynamic pressure (Pa) by which the moment that rotation requires is divided: that of 10 m/s. In a slower flow
+/// nothing is learned of the air's loads.
+const LEAST_PRESSURE: f64 = 50.0;
+
 /// Joint rotation over which the change of the loads is taken (rad).
 const TURN: f64 = 0.03;
 
@@ -27,6 +31,8 @@ pub struct PostureError<T: Real> {
     /// Covariance of the inertia (kg2 m4), in the order xx, xy, xz, yy, yz, zz, and the partial sum for the next one.
     inertia: [SMatrix<T, 6, 6>; 2],
     next: usize,
+    /// Load and inertia of the posture whose joints are turned.
+    base: [SVector<T, 6>; 2],
 }
 
 impl<T: Real> PostureError<T> {
@@ -37,6 +43,7 @@ impl<T: Real> PostureError<T> {
             covariance: SMatrix::zeros(),
             inertia: [SMatrix::zeros(); 2],
             next: 0,
+            base: [SVector::zeros(); 2],
         }
     }
 
@@ -50,7 +57,9 @@ impl<T: Real> PostureError<T> {
     /// axis has a standard deviation of 1 rad. In fast turns it exceeds the covariance of the aerodynamic moment.
     pub fn turning_covariance(&self, dynamics: &Dynamics<T>, motion: &Motion<T>) -> Matrix3<T> {
         let spin = motion.angular_velocity.components;
-        let scale = T::one() / flow(dynamics, motion).dynamic_pressure;
+        let pressure = flow(dynamics, motion).dynamic_pressure;
+        let least = T::of(LEAST_PRESSURE);
+        let scale = T::one() / if pressure > least { pressure } else { least };
         let mut by_inertia = SMatrix::<T, 3, 6>::zeros();
         for k in 0..6 {
             let mut unit = SVector::<T, 6>::zeros();
@@ -69,12 +78,14 @@ impl<T: Real> PostureError<T> {
         sample: &mut PostureSample<T>,
     ) {
         self.next = 0;
+        self.see(dynamics, posture, motion, sample);
         for _ in 0..JOINT_AXES {
-            self.renew_next(dynamics, posture, motion, sample);
+            self.see_turned(dynamics, posture, motion, sample);
         }
     }
 
     /// Recomputes the next axis in cyclic order. `sample` is scratch space.
+    #[inline(always)]
     pub fn renew_next(
         &mut self,
         dynamics: &Dynamics<T>,
@@ -82,13 +93,41 @@ impl<T: Real> PostureError<T> {
         motion: &Motion<T>,
         sample: &mut PostureSample<T>,
     ) {
+        self.see(dynamics, posture, motion, sample);
+        self.see_turned(dynamics, posture, motion, sample);
+    }
+
+    /// Computes the effect of the posture itself. This and the next one are out of line, one after the other, so that
+    /// their frames do not add up on a unit's stack.
+    #[inline(never)]
+    fn see(
+        &mut self,
+        dynamics: &Dynamics<T>,
+        posture: &Posture<T>,
+        motion: &Motion<T>,
+        sample: &mut PostureSample<T>,
+    ) {
         dynamics.sample_into(posture, &PostureRate::zero(), sample);
-        let base = aerodynamic(dynamics, motion, sample);
-        let inertia = numbers(&sample.inertia);
+        self.base = [
+            aerodynamic(dynamics, motion, sample),
+            numbers(&sample.inertia),
+        ];
+    }
+
+    /// Computes that of the posture with the next axis turned, and so that of the axis.
+    #[inline(never)]
+    fn see_turned(
+        &mut self,
+        dynamics: &Dynamics<T>,
+        posture: &Posture<T>,
+        motion: &Motion<T>,
+        sample: &mut PostureSample<T>,
+    ) {
         let index = self.next;
         self.next = (index + 1) % JOINT_AXES;
         dynamics.sample_into(&turned(posture, index), &PostureRate::zero(), sample);
-        let column = (aerodynamic(dynamics, motion, sample) - base) / T::of(TURN);
+        let [load, inertia] = self.base;
+        let column = (aerodynamic(dynamics, motion, sample) - load) / T::of(TURN);
         let inertia = (numbers(&sample.inertia) - inertia) / T::of(TURN);
         self.keep(index, &column, &inertia);
     }

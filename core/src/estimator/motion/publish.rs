@@ -3,6 +3,7 @@
 use super::estimate::{ChannelEstimate, MotionEstimate};
 use super::filter::{MotionFilter, STILL};
 use super::measurement::CHANNELS;
+use super::state::SPIN;
 use super::support::Situation;
 use super::watch::{Consistency, Watch};
 use crate::estimator::propagation::Propagation;
@@ -18,6 +19,11 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         let situation = self.support.situation();
         let mut variances = self.factors.variances();
         self.constants.add_variances(&mut variances);
+        let motion = self.motion();
+        let by_scale = self.scale.variance(&motion.angular_velocity.components);
+        for (k, variance) in by_scale.iter().enumerate() {
+            variances[SPIN + k] += *variance;
+        }
         self.faults.rate |= self.watch.pace.is_some();
         let unknown_posture = self.still >= T::single(STILL);
         let deviation = self.process.stated(&variances, unknown_posture);
@@ -34,7 +40,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             sample: self.samples,
             inputs: self.state.inputs,
             deviation,
-            motion: self.motion(),
+            motion,
             channels,
             normalised_innovation: if number > T::zero() {
                 sum / number

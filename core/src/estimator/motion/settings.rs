@@ -65,6 +65,9 @@ pub struct MotionPreset {
     pub gyroscope_bias: f32,
     /// How fast the bias wanders (rad/s per root second).
     pub gyroscope_bias_noise: f32,
+    /// Standard deviations of the error of the scale of angular velocities, as a share: of those that the sensor has
+    /// corrected, and of a gyroscope as read.
+    pub rate_scale: [f32; 2],
     /// Innovation gate: number of standard deviations beyond which a channel is rejected; must be positive.
     pub gate: f32,
     /// How derivatives are taken.
@@ -106,6 +109,7 @@ pub const MOTION: MotionPreset = MotionPreset {
     wind_noise: 0.3,
     gyroscope_bias: 0.03,
     gyroscope_bias_noise: 2e-4,
+    rate_scale: [0.0, 0.015],
     gate: 5.0,
     slopes: Slopes::Differences,
     sample_rate: SAMPLE_RATE,
@@ -116,11 +120,13 @@ impl MotionPreset {
     /// Returns the preset for a body whose posture is not measured but assumed.
     ///
     /// Joints are off by 20 degrees an axis, and the load by a fifth of a belly fall's drag area at a lever of 0.2 m:
-    /// an arm or a leg at an angle changes the drag by its cosine, which errors of first order do not show.
+    /// an arm or a leg at an angle changes the drag by its cosine, which errors of first order do not show. Without a suit
+    /// the angular velocity is that of a single gyroscope.
     #[must_use]
     pub const fn with_assumed_posture(mut self) -> Self {
         self.joint_error = 20.0 * core::f32::consts::PI / 180.0;
         self.unknown_load = [0.1, 0.02];
+        self.rate_scale = [0.01, self.rate_scale[1]];
         self
     }
 

@@ -1,5 +1,6 @@
 //! Starting and restarting a motion filter.
 
+use super::assumed::Assumed;
 use super::covariance;
 use super::filter::MotionFilter;
 use super::held::Held;
@@ -50,7 +51,8 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         // What led to a loss may be in the inputs too.
         let sound = self.factors.is_finite() && self.is_plausible();
         self.start(motion, posture)?;
-        if is_first || !sound {
+        let is_fresh = is_first || !sound;
+        if is_fresh {
             self.forget_inputs();
         }
         let mut variances = self.noise.motion_variances();
@@ -58,6 +60,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             *variance += velocity_deviation * velocity_deviation;
         }
         covariance::renew_motion(&mut self.factors, &variances);
+        self.assumed = Assumed::new(velocity_deviation, is_fresh);
         self.constants.disconnect();
         self.trail = Trail::new();
         self.held = Held::none();
