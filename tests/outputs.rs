@@ -207,8 +207,9 @@ fn what_exists_is_replaced_only_with_force() {
         );
     }
     assert!(content(place.0.path()) == before, "nothing has changed");
-    done(&["simulate", &flight, "--out", &out, "--force"]);
-    assert_ne!(std::fs::read(&out).expect("a file"), b"mine");
+    let table = place.written("kept.csv", "mine");
+    done(&["simulate", &flight, "--out", &table, "--force"]);
+    assert_ne!(std::fs::read(&table).expect("a file"), b"mine");
 }
 
 #[test]

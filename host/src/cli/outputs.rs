@@ -61,10 +61,11 @@ impl Outputs {
 
     /// Same as [`Outputs::check`], for a file of this ending.
     pub(super) fn check_as(self, path: Option<&Path>, ending: &str) -> Result<()> {
-        if let Some(path) = path {
-            destination::ending(path, &[ending], "a file")?;
-        }
-        destination::check(path, self.force)
+        // An input that would be lost is what matters most.
+        destination::check(path, self.force)?;
+        path.map_or(Ok(()), |path| {
+            destination::ending(path, &[ending], "a file").map(|_| ())
+        })
     }
 
     /// Same as [`Outputs::check`], for tables in CSV and a figure.
