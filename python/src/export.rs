@@ -61,7 +61,7 @@ pub(crate) fn fmu(
     library: Option<PathBuf>,
     force: bool,
 ) -> PyResult<Py<PyAny>> {
-    let flight = units::read(&subject).map_err(raise)?;
+    let flight = bodyflight_replay::flight::Flight::read_person(&subject).map_err(raise)?;
     let library = units::library(library.as_deref()).map_err(raise)?;
     destination::check([&out], force).map_err(raise)?;
     dictionary(py, &units::write(&flight, &library, &out).map_err(raise)?)

@@ -131,10 +131,13 @@ fn ask(line: &mut Line, action: SetupAction) -> Result<(SetupState, Option<Setup
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
     use crate::stream::configuration_at;
     use crate::virtual_unit::VirtualUnit;
     use bodyflight_core::link::StreamMode;
+    use bodyflight_replay::flight::Flight;
 
     fn setup() -> Setup {
         let flight = Flight::bare(Path::new("none"));
