@@ -352,7 +352,10 @@ fn figures_are_written_and_bad_input_of_the_viewer_is_named() {
     let message = fails(&["view", "absent/flight.toml"], 3);
     assert!(message.contains("absent/flight.toml"), "{message}");
     let message = fails(&["view", &flight, "--discovery", &flight], 2);
-    assert!(message.contains("expected JSON"), "{message}");
+    assert!(
+        message.contains("this is a flight.toml, not JSON"),
+        "{message}"
+    );
     let message = fails(&["fly", "--density", "9"], 2);
     assert!(message.contains("0.1 to 2 kg/m3"), "{message}");
 }

@@ -359,7 +359,7 @@ fn broken_files_are_refused_with_reason_and_place() {
     );
     let lines = [
         (String::new(), "empty"),
-        ("not XML at all".to_owned(), "not an XML file"),
+        ("not XML at all".to_owned(), "not MVNX"),
         ("PK\u{3}\u{4}zip".to_owned(), "zip"),
         (doctype, "DOCTYPE"),
         (rate("0"), "frameRate"),

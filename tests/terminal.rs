@@ -1,5 +1,4 @@
 //! What a terminal shows: tables that fit it, and completions that know the names of closed sets.
-#![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
 use std::path::Path;
 
