@@ -191,7 +191,7 @@ function plotSpecs(flights: Flight[]): PlotSpec[] {
       key,
       title: label,
       unit,
-      note: `RMS ${flights.map((flight) => written(flight.run.rms[key], 3)).join(", ")}`,
+      rms: flights.map((flight) => flight.run.rms[key]),
       lines: [
         { label: "measured", ink: "measured", values: first.plotted("measured", k) },
         ...flights.map((flight, n) => ({

@@ -46,6 +46,19 @@ test("a flight opens offline and quickly, from one small file", async () => {
   await page.close();
 });
 
+test("root mean squares have the unit of their plot", async () => {
+  const { page, wrong } = await open(chromium, url);
+  await ready(page);
+  const rms = async (key) => Number.parseFloat(/RMS ([\d.]+)/.exec(await page.textContent(`[data-plot=${key}] .note`))[1]);
+  const [pitch, fall] = [await rms("pitch_rad"), await rms("vertical_velocity_mps")];
+  await page.click("#degrees");
+  const inRadians = await rms("pitch_rad");
+  assert.ok(Math.abs(pitch - (inRadians * 180) / Math.PI) < 0.06, `${pitch} degrees, ${inRadians} rad`);
+  assert.equal(await rms("vertical_velocity_mps"), fall);
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
 test("a recording that contradicts itself is doubted before anything else", async () => {
   const bad = scratch("doubt");
   await run("synth", "rotations", "--seed", "1", "--out", bad);
