@@ -10,7 +10,7 @@ import { CAMERA_KEYS, help } from "./help";
 import { Moment } from "./moment";
 import { PLAYER_KEYS, Player, type Scene } from "./player";
 import { type PlotSpec, Plots } from "./plots";
-import { provenance, shell } from "./shell";
+import { doubts, provenance, shell } from "./shell";
 import { Stage } from "./stage";
 import { type Beside, CHANNELS, type PageData } from "./types";
 
@@ -44,7 +44,7 @@ class Compare implements Scene {
     const [x, y, z] = this.list("a_position_m");
     this.stage.drawer.setTrail(x, y, z);
     const seek = (to: number) => this.player.seek(to);
-    aside.append(words(beside, seek));
+    aside.append(...doubts(beside.people), words(beside, seek));
     const specs = this.specs();
     const room = () => aside.clientHeight - 8;
     this.plots = new Plots({ place: aside, time: this.time, seek, room }, specs);

@@ -22,6 +22,8 @@ export interface PlotSpec {
   title: string;
   unit: string;
   note?: string;
+  /** Root mean squares in the unit of the values, one for each flight; shown in the unit of the plot. */
+  rms?: number[];
   lines: Line[];
   /** Whether it is hidden unless selected. */
   aside?: boolean;
@@ -37,7 +39,7 @@ export interface Frame {
 
 const TITLE = 15;
 const TIME_AXIS = 18;
-const [LOWEST, HIGHEST] = [40, 130];
+const [LOWEST, HIGHEST] = [40, 240];
 const EDGE = 44;
 
 export class Plots {
@@ -131,7 +133,7 @@ export class Plots {
       "div",
       { class: "title" },
       element("b", {}, `${spec.title} (${shown(spec.unit, this.degrees).unit})`),
-      element("span", { class: "faint note" }, spec.note ?? ""),
+      element("span", { class: "faint note" }, this.note(spec)),
       values,
     );
     const box = element("div", { class: "plot", "data-plot": spec.key }, title);
@@ -146,6 +148,12 @@ export class Plots {
     this.marks.push(mark);
     this.readouts.push(readout);
     this.plots.push(plot);
+  }
+
+  private note({ note, rms, unit }: PlotSpec): string {
+    if (!rms) return note ?? "";
+    const { factor, decimals } = shown(unit, this.degrees);
+    return `RMS ${rms.map((value) => written(value * factor, decimals)).join(", ")}`;
   }
 
   /** Shows the values of the lines at a row. */

@@ -11,7 +11,7 @@ import { Instruments, reading } from "./instruments";
 import { TopView } from "./map";
 import { PLAYER_KEYS, Player, type Scene } from "./player";
 import { type PlotSpec, Plots } from "./plots";
-import { provenance, shell } from "./shell";
+import { doubts, provenance, shell } from "./shell";
 import { Stage } from "./stage";
 import { written } from "./ticks";
 import { CHANNELS, type PageData } from "./types";
@@ -60,6 +60,7 @@ class Replay implements Scene {
     main.append(element("div", { class: "over top" }, this.map.canvas), this.instruments.place);
 
     const seek = (to: number) => this.player.seek(to);
+    aside.append(...doubts(data.runs));
     if (data.discovery) aside.append(discoveryPanel(data.discovery as Discovery, seek));
     this.specs = plotSpecs(flights);
     const room = () => aside.clientHeight - 8;
@@ -190,7 +191,7 @@ function plotSpecs(flights: Flight[]): PlotSpec[] {
       key,
       title: label,
       unit,
-      note: `RMS ${flights.map((flight) => written(flight.run.rms[key], 3)).join(", ")}`,
+      rms: flights.map((flight) => flight.run.rms[key]),
       lines: [
         { label: "measured", ink: "measured", values: first.plotted("measured", k) },
         ...flights.map((flight, n) => ({

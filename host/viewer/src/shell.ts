@@ -34,6 +34,14 @@ export function provenance(data: PageData): HTMLElement {
   return element("section", {}, element("h2", {}, "Where this page comes from"), list);
 }
 
+/** Why flights should not be trusted, a sentence for each; empty if all are. */
+export function doubts(flights: { name: string; doubt: string | null }[]): HTMLElement[] {
+  const doubted = flights.filter((flight) => flight.doubt);
+  if (doubted.length === 0) return [];
+  const sentences = doubted.map(({ name, doubt }) => element("p", {}, `Do not trust ${name}: ${doubt}`));
+  return [element("section", { id: "doubt", role: "alert" }, ...sentences)];
+}
+
 /** Shows an error instead of the page. */
 export function problem(message: string): void {
   const app = document.getElementById("app") as HTMLElement;

@@ -159,7 +159,11 @@ series: Packed,
 /**
  * Estimated inputs, if requested.
  */
-estimated: Estimated | null, };
+estimated: Estimated | null,
+/**
+ * Why the recording should not be trusted.
+ */
+doubt: string | null, };
 
 /**
  * Data that the page needs for its own simulation.
@@ -252,7 +256,11 @@ shapes: Array<Shape>,
 /**
  * What the skydiver wears.
  */
-worn: Worn, };
+worn: Worn,
+/**
+ * Why the recording should not be trusted.
+ */
+doubt: string | null, };
 
 /**
  * An angle drawn over time.

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { readFileSync, statSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { browser, colours, inked, OUTPUT, open, run, scratch, shot } from "./browser.mjs";
+import { begin, browser, colours, inked, OUTPUT, open, run, scratch, shot } from "./browser.mjs";
 
 const folder = scratch("view");
 const path = join(folder, "view.html");
@@ -42,6 +42,39 @@ test("a flight opens offline and quickly, from one small file", async () => {
   );
   assert.ok(last.y + last.height <= aside.y + aside.height + 1, "nine plots fit without scrolling");
   await shot(page, "replay");
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test("root mean squares have the unit of their plot", async () => {
+  const { page, wrong } = await open(chromium, url);
+  await ready(page);
+  const rms = async (key) => Number.parseFloat(/RMS ([\d.]+)/.exec(await page.textContent(`[data-plot=${key}] .note`))[1]);
+  const [pitch, fall] = [await rms("pitch_rad"), await rms("vertical_velocity_mps")];
+  await page.click("#degrees");
+  const inRadians = await rms("pitch_rad");
+  assert.ok(Math.abs(pitch - (inRadians * 180) / Math.PI) < 0.06, `${pitch} degrees, ${inRadians} rad`);
+  assert.equal(await rms("vertical_velocity_mps"), fall);
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test("a recording that contradicts itself is doubted before anything else", async () => {
+  const bad = scratch("doubt");
+  await run("synth", "rotations", "--seed", "1", "--out", bad);
+  const file = join(bad, "flight.mvnx");
+  const halved = readFileSync(file, "utf8").replace(/<velocity>[^<]*/g, (text) =>
+    text.replace(/-?\d[\d.eE+-]*/g, (number) => String(Number(number) / 2)),
+  );
+  writeFileSync(file, halved);
+  const written = join(bad, "view.html");
+  const { code, err } = await begin("view", join(bad, "flight.toml"), "--out", written).end;
+  assert.equal(code, 5, err);
+  const { page, wrong } = await open(chromium, `file://${written}`);
+  await ready(page);
+  assert.match(await page.textContent("#doubt"), /Do not trust .*: .*units or frame rate are wrong/);
+  const first = await page.$eval("aside > *", (place) => place.id);
+  assert.equal(first, "doubt");
   assert.deepEqual(wrong, []);
   await page.close();
 });

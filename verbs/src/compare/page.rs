@@ -5,7 +5,7 @@ use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::frame::{Inertial, Rotation};
 use bodyflight_core::math::wrap_angle;
 use bodyflight_io::diagnostic::Result;
-use bodyflight_mvnx::recording::FlightFrame;
+use bodyflight_mvnx::recording::{FlightFrame, faults};
 use bodyflight_replay::comparison::{CHANNELS, Channel};
 use bodyflight_viewer::frame::frame;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -39,6 +39,8 @@ pub struct Person {
     pub shapes: Vec<Shape>,
     /// What the skydiver wears.
     pub worn: Worn,
+    /// Why the recording should not be trusted.
+    pub doubt: Option<String>,
 }
 
 /// An angle drawn over time.
@@ -201,6 +203,7 @@ pub fn beside([a, b]: [&Track; 2], compared: &Compared) -> Result<Beside> {
         name: track.name.clone(),
         shapes: shapes(&track.flight.subject),
         worn: Worn::of(&track.flight.subject),
+        doubt: faults(&track.warnings),
     };
     let angle = |place: &usize| {
         let angle = compared.differences.angles[*place];

@@ -60,7 +60,6 @@ pub struct Run {
     /// Estimated inputs, if requested.
     pub estimated: Option<Estimated>,
     /// Why the recording should not be trusted.
-    #[serde(skip)]
     pub doubt: Option<String>,
 }
 
