@@ -49,7 +49,8 @@ test("a flight opens offline and quickly, from one small file", async () => {
 test("root mean squares have the unit of their plot", async () => {
   const { page, wrong } = await open(chromium, url);
   await ready(page);
-  const rms = async (key) => Number.parseFloat(/RMS ([\d.]+)/.exec(await page.textContent(`[data-plot=${key}] .note`))[1]);
+  const rms = async (key) =>
+    Number.parseFloat(/RMS ([\d.]+)/.exec(await page.textContent(`[data-plot=${key}] .note`))[1]);
   const [pitch, fall] = [await rms("pitch_rad"), await rms("vertical_velocity_mps")];
   await page.click("#degrees");
   const inRadians = await rms("pitch_rad");
