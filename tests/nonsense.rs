@@ -1,9 +1,16 @@
-//! Recordings that are nonsense without being damaged: the table of docs/nonsense.md, row by row and verb by verb.
+//! Recordings and tracks that are nonsense without being damaged: the tables of docs/nonsense.md, row by row and verb by
+//! verb.
 
-#![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
+#![expect(
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic: that is how they fail"
+)]
 
 #[path = "nonsense/kinds.rs"]
 mod kinds;
+#[path = "nonsense/tracks.rs"]
+mod tracks;
 
 use std::fs;
 use std::path::Path;
@@ -23,9 +30,17 @@ fn bodyflight(arguments: &[&str]) -> (String, Option<i32>) {
     (words.collect::<Vec<_>>().join(" "), output.status.code())
 }
 
+/// The page, of which each part has one table: that of recordings, then that of tracks.
+fn part(number: usize) -> String {
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/nonsense.md");
+    let page = fs::read_to_string(page).expect("the page");
+    let parts = page.split("\n## ").nth(number);
+    parts.expect("a part of the page").to_owned()
+}
+
 /// The cells of a table's rows.
-fn rows(page: &str) -> Vec<Vec<&str>> {
-    let rows = page.lines().filter(|line| line.starts_with("| "));
+fn rows(part: &str) -> Vec<Vec<&str>> {
+    let rows = part.lines().filter(|line| line.starts_with("| "));
     rows.skip(1)
         .map(|row| row.trim_matches('|').split('|').map(str::trim).collect())
         .collect()
@@ -63,8 +78,7 @@ fn differs(folder: &Path, row: &[&str]) -> Vec<String> {
 
 #[test]
 fn no_verb_is_silent_about_any_kind_of_nonsense() {
-    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/nonsense.md");
-    let page = fs::read_to_string(page).expect("the page");
+    let page = part(0);
     let folder = tempfile::tempdir().expect("a folder");
     let good = folder.path().join("good");
     let good = good.to_str().expect("plain");
@@ -84,6 +98,35 @@ fn no_verb_is_silent_about_any_kind_of_nonsense() {
         seen.push(kind.name);
     }
     let missing = KINDS.iter().map(|Kind { name, .. }| name);
+    let missing: Vec<_> = missing.filter(|name| !seen.contains(name)).collect();
+    assert!(missing.is_empty(), "not in the table: {missing:?}");
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn fall_is_not_silent_about_any_kind_of_nonsense() {
+    let page = part(1);
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("TRACK.CSV");
+    let mut wrong = Vec::new();
+    let mut seen = Vec::new();
+    for row in rows(&page) {
+        let [name, sentence, code] = row[..] else {
+            panic!("{row:?}: expected a kind, a sentence and a code");
+        };
+        let kind = tracks::KINDS.iter().find(|kind| kind.name == name);
+        let Some(kind) = kind else {
+            wrong.push(format!("{name}: no such kind"));
+            continue;
+        };
+        fs::write(&path, tracks::text(kind)).expect("written");
+        let (said, ended) = bodyflight(&["fall", path.to_str().expect("plain")]);
+        if ended != code.parse().ok() || !said.contains(sentence) {
+            wrong.push(format!("{name}: ends with {ended:?}: {said}"));
+        }
+        seen.push(kind.name);
+    }
+    let missing = tracks::KINDS.iter().map(|kind| kind.name);
     let missing: Vec<_> = missing.filter(|name| !seen.contains(name)).collect();
     assert!(missing.is_empty(), "not in the table: {missing:?}");
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));

@@ -10,6 +10,7 @@ mod clock;
 mod compare;
 mod derived;
 mod drift;
+mod frozen;
 mod gravity;
 mod horizontal;
 mod late;
@@ -75,6 +76,7 @@ pub fn checked(samples: &[Sample], given: Given) -> Checked {
         has_horizontal: given.places,
         ..Motion::default()
     };
+    frozen::checked(&mut samples, given.velocities, &mut findings);
     let mut is_derived = !given.velocities;
     if is_derived {
         let _ = clock::checked(&mut samples, None, &mut findings);

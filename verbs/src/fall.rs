@@ -265,7 +265,7 @@ pub fn falls(track: &Track, conditions: &Conditions, path: &Path) -> Result<Fall
 
 fn no_fall(track: &Track, findings: &[Finding]) -> Problem {
     let down = track.samples.iter().map(|sample| -sample.velocity.z);
-    let fastest = down.fold(f64::NEG_INFINITY, f64::max);
+    let fastest = down.fold(0.0, f64::max);
     let said: Vec<&str> = findings
         .iter()
         .map(|finding| finding.sentence.as_str())

@@ -98,6 +98,32 @@ fn signs_and_axes_are_recognised() {
 }
 
 #[test]
+fn a_receiver_that_repeats_itself_is_not_believed() {
+    let flown = jump(&Jump::default());
+    for share in [0.2, 0.5] {
+        let mut samples = flown.clone();
+        let place = (share * samples.len() as f64) as usize;
+        let kept = samples[place];
+        let until = samples.partition_point(|sample| sample.time < kept.time + 8.0);
+        for sample in &mut samples[place..until] {
+            *sample = Sample {
+                time: sample.time,
+                ..kept
+            };
+        }
+        let checked = checked(&samples, GIVEN);
+        let [finding] = &checked.findings[..] else {
+            panic!("{share}: {:?}", checked.findings);
+        };
+        assert_eq!(
+            (finding.channel, finding.remedy),
+            (Channel::Position, Remedy::NotUsed)
+        );
+        assert_eq!(checked.samples.len(), flown.len() + place + 1 - until);
+    }
+}
+
+#[test]
 fn heights_that_jump_are_joined() {
     let flown = jump(&Jump::default());
     for share in [0.2, 0.4, 0.7] {
