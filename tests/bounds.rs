@@ -279,7 +279,7 @@ impl Verb {
 #[test]
 fn memory_stays_within_what_is_stated() {
     let seconds: u32 =
-        std::env::var("BODYFLIGHT_BOUNDS_S").map_or(20, |text| text.parse().expect("seconds"));
+        std::env::var("BODYFLIGHT_BOUNDS_S").map_or(10, |text| text.parse().expect("seconds"));
     let piece = seconds.min(LONGEST);
     let place = tempfile::tempdir().expect("a folder");
     let folder = place.path();

@@ -11,7 +11,7 @@ use crate::run::{LIBRARIES, Result, cargo_in, root, target_folder};
 const REQUIREMENTS: &str = "firmware/emulator/requirements.txt";
 
 /// Repetitions of each fault in every test run, and for the table in the documentation.
-const TIMES: [&str; 2] = ["5", "20"];
+const TIMES: [&str; 2] = ["3", "20"];
 
 /// Runs every test on the emulated chip; `write` puts the table of faults into the documentation.
 pub(crate) fn f405(write: bool) -> Result<()> {
