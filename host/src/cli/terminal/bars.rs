@@ -18,7 +18,7 @@ const WHOLE: f64 = 1000.0;
 
 /// A bar for work of known length.
 pub(in crate::cli) fn bar(length: u64, what: &'static str) -> ProgressBar {
-    let style = "{msg} {wide_bar} {pos}/{len}{left}";
+    let style = "{msg} {wide_bar} {pos}/{len}{rate}{left}";
     new_bar(Some(length), what, style)
 }
 
@@ -46,11 +46,19 @@ fn new_bar(length: Option<u64>, what: &'static str, style: &str) -> ProgressBar 
     };
     let bar = ProgressBar::with_draw_target(length, target);
     if let Ok(style) = ProgressStyle::with_template(style) {
-        bar.set_style(style.with_key("left", left));
+        bar.set_style(style.with_key("rate", rate).with_key("left", left));
     }
     bar.set_message(what);
     bar.enable_steady_tick(TICK);
     bar
+}
+
+/// How much is done in a second, once something is.
+fn rate(state: &ProgressState, text: &mut dyn Write) {
+    if state.pos() > 0 {
+        // A bar that cannot be drawn is no reason to fail.
+        let _ = write!(text, ", {:.1}/s", state.per_sec());
+    }
 }
 
 /// The remaining time, once something is done from which it can be told.
