@@ -77,6 +77,8 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         FormatName::Mcap => Format::Mcap,
         FormatName::Npz => Format::Npz,
     });
+    // An input that would be lost is what matters most.
+    args.outputs.check([&args.out])?;
     let (path, format) = match (&args.out, format) {
         (Some(path), Some(format)) => {
             ending(path, &[format.name()], "a file of this --format")?;
@@ -86,10 +88,11 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         (None, format) => {
             let format = format.unwrap_or(Format::Parquet);
             let name = format!("{}.{}", name_of(&args.flight), format.name());
-            (PathBuf::from(name), format)
+            let path = PathBuf::from(name);
+            args.outputs.check([&Some(path.clone())])?;
+            (path, format)
         }
     };
-    args.outputs.check([&Some(path.clone())])?;
     let estimates = args.estimates.map(|name| match name {
         MethodName::Filter => Method::Filter,
         MethodName::Smooth => Method::Smooth,
