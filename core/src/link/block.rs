@@ -1,9 +1,12 @@
 //! Blocks of a log: packets of the link, each stored as its difference from the previous packet of the same type.
 //!
 //! A block is self-contained: its packets can be read whatever happens to other blocks, and each includes its
-//! checksum. A packet is stored as its type followed by the exclusive or with the previous packet of that type in the
+//! checksum, combined with its number in the block. A packet is stored as its type followed by the exclusive or with the previous packet of that type in the
 //! block (for samples, sensors and estimates; the first is combined with zeros), with runs of zeros shortened: a byte
 //! `0x80 + n` stands for `n + 1` zeros, and a byte `n` below `0x80` precedes `n + 1` literal bytes.
+//!
+//! The number is needed because a cyclic checksum is linear: where damage removes or repeats a difference, the packets
+//! after it would be sums of an odd number of good packets, whose checksums are right.
 
 use super::decode_error::DecodeError;
 use super::frame::{self, Header, MAX_PACKET_LENGTH};
@@ -15,17 +18,34 @@ pub const BLOCK_LENGTH: usize = 1008;
 /// Longest run that one byte can describe.
 const LONGEST_RUN: usize = 0x80;
 
-/// The last packet of each recurring type.
+/// The packets so far.
 #[derive(Debug, Clone)]
-struct Before([[u8; MAX_PACKET_LENGTH]; 3]);
+struct Before {
+    /// The last packet of each recurring type, as stored.
+    last: [[u8; MAX_PACKET_LENGTH]; 3],
+    /// Number of packets.
+    count: u32,
+}
 
 impl Before {
     const fn new() -> Self {
-        Self([[0; MAX_PACKET_LENGTH]; 3])
+        Self {
+            last: [[0; MAX_PACKET_LENGTH]; 3],
+            count: 0,
+        }
+    }
+
+    /// Combines the checksum at the end of the next packet with its number; the second time, takes it out again.
+    fn number(&self, packet: &mut [u8]) {
+        let mixed = self.count.wrapping_add(1).wrapping_mul(0x9E37_79B9);
+        let mixed = (mixed ^ (mixed >> 15)).wrapping_mul(0x85EB_CA6B);
+        if let Some(sum) = packet.last_chunk_mut::<4>() {
+            *sum = (u32::from_le_bytes(*sum) ^ mixed).to_le_bytes();
+        }
     }
 
     fn of(&mut self, code: u8) -> Option<&mut [u8; MAX_PACKET_LENGTH]> {
-        let [samples, estimates, sensors] = &mut self.0;
+        let [samples, estimates, sensors] = &mut self.last;
         match code {
             0x10 => Some(samples),
             0x11 => Some(estimates),
@@ -82,6 +102,8 @@ impl BlockWriter {
             return false;
         };
         let code = message.code();
+        let whole = packet.get_mut(..length).unwrap_or_default();
+        self.before.number(whole);
         let mut change = packet;
         if let Some(before) = self.before.of(code) {
             exclusive_or(&mut change, before);
@@ -92,6 +114,7 @@ impl BlockWriter {
             return false;
         };
         self.length += taken;
+        self.before.count = self.before.count.wrapping_add(1);
         if let Some(before) = self.before.of(code) {
             *before = packet;
         }
@@ -183,7 +206,10 @@ impl<'a> BlockReader<'a> {
             *before = packet;
         }
         self.rest = rest;
-        frame::open(packet.get(..length).unwrap_or_default())
+        let packet = packet.get_mut(..length).unwrap_or_default();
+        self.before.number(packet);
+        self.before.count = self.before.count.wrapping_add(1);
+        frame::open(packet)
     }
 }
 
@@ -272,6 +298,40 @@ mod tests {
         assert_eq!(block.bytes()[..full.len()], full);
         block.clear();
         assert!(block.is_empty() && block.push(&header, &stop));
+    }
+
+    /// Checksums alone would accept all of these: a removed, a repeated, a moved and an empty difference.
+    #[test]
+    fn differences_in_another_order_yield_no_wrong_message() {
+        let mut block = BlockWriter::new();
+        let mut ends = Vec::from([0]);
+        for number in 0..8 {
+            assert!(block.push(&sample(number).0, &sample(number).1));
+            ends.push(block.bytes().len());
+        }
+        let parts: Vec<&[u8]> = ends
+            .windows(2)
+            .map(|pair| &block.bytes()[pair[0]..pair[1]])
+            .collect();
+        let length = frame::packet_length(0x10).unwrap();
+        let mut nothing = [0; 8];
+        let taken = shorten(0x10, &[0; MAX_PACKET_LENGTH][..length], &mut nothing).unwrap();
+        for place in 1..7 {
+            let [before, after] = [&parts[..place], &parts[place + 1..]];
+            let rest = [parts[place], &nothing[..taken]];
+            for change in [
+                [before, after].concat(),
+                [before, &[parts[place]; 2], after].concat(),
+                [before, &after[..1], &rest[..1], &after[1..]].concat(),
+                [before, &rest[1..], after].concat(),
+            ] {
+                for (number, read) in BlockReader::new(&change.concat()).enumerate() {
+                    if let Ok(read) = read {
+                        assert_eq!(read, sample(u32::try_from(number).unwrap()), "{place}");
+                    }
+                }
+            }
+        }
     }
 
     proptest! {
