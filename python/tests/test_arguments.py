@@ -83,7 +83,7 @@ def test_remedies_name_arguments_and_not_options(turn, tmp_path):
     flight = bodyflight.Flight(turn)
     calls = {
         "force=True": lambda: bodyflight.export(flight, there),
-        "format": lambda: bodyflight.export(flight, tmp_path / "flight.xyz"),
+        ".parquet": lambda: bodyflight.export(flight, tmp_path / "flight.xyz"),
         "library": lambda: bodyflight.fmu(turn / "flight.toml", tmp_path / "unit.fmu", library=tmp_path),
         "import_recording": lambda: bodyflight.Flight(bvh(tmp_path)),
     }
