@@ -100,9 +100,9 @@ fn signs_and_axes_are_recognised() {
 #[test]
 fn a_receiver_that_repeats_itself_is_not_believed() {
     let flown = jump(&Jump::default());
-    for share in [0.2, 0.5] {
+    for share in [20, 50] {
         let mut samples = flown.clone();
-        let place = (share * samples.len() as f64) as usize;
+        let place = share * samples.len() / 100;
         let kept = samples[place];
         let until = samples.partition_point(|sample| sample.time < kept.time + 8.0);
         for sample in &mut samples[place..until] {
@@ -126,10 +126,10 @@ fn a_receiver_that_repeats_itself_is_not_believed() {
 #[test]
 fn heights_that_jump_are_joined() {
     let flown = jump(&Jump::default());
-    for share in [0.2, 0.4, 0.7] {
+    for share in [20, 40, 70] {
         for jump in [-400.0, -40.0, 60.0, 300.0] {
             let mut samples = flown.clone();
-            let place = (share * samples.len() as f64) as usize;
+            let place = share * samples.len() / 100;
             for sample in &mut samples[place..] {
                 sample.position.z += jump;
             }
