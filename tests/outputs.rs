@@ -372,6 +372,22 @@ fn a_search_checks_its_folder_first() {
     assert!(begin.elapsed() < Duration::from_secs(5), "{begin:?}");
 }
 
+/// A name that the shell put in place of `*` may be an argument.
+#[test]
+fn arguments_do_not_reach_the_terminal_as_commands() {
+    for arguments in [
+        &["\u{1b}[2Jevil"][..],
+        &["inspect", "--a\u{9b}2J"],
+        &["inspect", "a\u{1b}[2J.mvnx"],
+        &["trim", "--\u{202e}", "--json"],
+    ] {
+        let output = bodyflight(arguments);
+        let shown = text(&output.stderr);
+        assert!(!output.status.success() && !shown.is_empty());
+        assert!(!shown.contains(['\u{1b}', '\u{9b}', '\u{202e}']), "{shown:?}");
+    }
+}
+
 #[test]
 fn names_in_files_do_not_reach_the_terminal_as_commands() {
     let place = Place::new();

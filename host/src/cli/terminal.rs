@@ -205,16 +205,16 @@ pub(super) fn print_usage(error: &clap::Error) -> u8 {
         let message = flat(message.trim_start_matches("error: "));
         print_problem(Problem::bad_input(message).help(flat(help)), true);
     } else if error.use_stderr() {
-        let text = in_words(&styled(&error.render()));
-        let _ = write!(std::io::stderr().lock(), "{text}");
-    } else {
         let plain = error.render().to_string();
-        // A closed pipe is not an error.
-        let _ = match visible(&plain) {
-            // With its colours.
-            Cow::Borrowed(_) => error.print(),
-            Cow::Owned(text) => std::io::stderr().write_all(text.as_bytes()),
+        let text = match visible(&plain) {
+            Cow::Borrowed(_) => styled(&error.render()),
+            // An argument would be obeyed as colours are.
+            Cow::Owned(text) => text,
         };
+        let _ = write!(std::io::stderr().lock(), "{}", in_words(&text));
+    } else {
+        // A closed pipe is not an error.
+        let _ = error.print();
     }
     u8::try_from(error.exit_code()).unwrap_or(2)
 }
