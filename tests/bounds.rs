@@ -3,10 +3,11 @@
 #![cfg(target_os = "linux")]
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
-use std::fmt::Write;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
+
+use bodyflight_tests::text_inputs::{MAPPING, markers, track};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_bodyflight");
 
@@ -147,60 +148,6 @@ fn repeated(folder: &Path, name: &str, from: &str, seconds: u32) {
     file.flush().expect("written");
 }
 
-/// A jump, then a long walk on the ground.
-fn track(rows: u32) -> String {
-    let mut text = "time_s,north_m,east_m,height_m,north_mps,east_mps,up_mps\n".to_owned();
-    let (mut height, mut speed) = (4000.0_f64, 0.0_f64);
-    for row in 0..rows {
-        let time = 0.2 * f64::from(row);
-        speed = match height {
-            _ if time < 30.0 => 0.0,
-            height if height > 1200.0 => speed + 0.2 * 9.8 * (1.0 - (speed / 52.0).powi(2)),
-            height if height > 300.0 => (speed - 5.0).max(5.0),
-            _ => 0.0,
-        };
-        height -= 0.2 * speed;
-        let shake = 0.1 * (1.7 * time).sin();
-        let _ = writeln!(
-            text,
-            "{time:.1},{:.1},0,{height:.2},8,0,{:.2}",
-            8.0 * time,
-            shake - speed
-        );
-    }
-    text
-}
-
-/// Markers of a body that swings its limbs.
-fn markers(rows: u32) -> String {
-    let ends = [
-        ("hip", 0.09, 0.95),
-        ("knee", 0.09, 0.53),
-        ("ank", 0.09, 0.1),
-        ("sho", 0.2, 1.45),
-        ("elb", 0.22, 1.15),
-        ("wri", 0.22, 0.9),
-    ];
-    let sides = [("l", 1.0), ("r", -1.0)];
-    let mut text = "time".to_owned();
-    for (side, _) in sides {
-        for (name, ..) in ends {
-            let _ = write!(text, ",{side}{name}.x,{side}{name}.y,{side}{name}.z");
-        }
-    }
-    for row in 0..rows {
-        let time = f64::from(row) / 100.0;
-        let _ = write!(text, "\n{time:.2}");
-        for (_, sign) in sides {
-            for (_, y, z) in ends {
-                let swing = 0.3 * (0.95 - z) * (3.0 * time).sin();
-                let _ = write!(text, ",{swing:.4},{:.2},{z}", sign * y);
-            }
-        }
-    }
-    text + "\n"
-}
-
 /// Peak memory (MB) of a process that runs to its end.
 fn peak(child: &mut Child) -> f64 {
     let status = format!("/proc/{}/status", child.id());
@@ -302,11 +249,10 @@ fn memory_stays_within_what_is_stated() {
         repeated(folder, name, from, seconds);
     }
     let rows = if seconds < 1000 { 50_000 } else { 1_000_000 };
-    let mapping = include_str!("fuzz_targets/mappings/points.toml");
     let texts = [
         ("track.csv", track(rows)),
         ("markers.csv", markers(rows / 20)),
-        ("points.toml", mapping.to_owned()),
+        ("points.toml", MAPPING.to_owned()),
     ];
     for (name, text) in texts {
         std::fs::write(folder.join(name), text).expect("written");

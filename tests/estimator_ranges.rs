@@ -152,6 +152,22 @@ impl Edges {
     fn vector(&mut self, size: f64) -> [f64; 3] {
         [(); 3].map(|()| size * self.next())
     }
+
+    /// A person of 1.2 to 2.3 m and 30 to 200 kg in any air; `None` if the tables have no such body.
+    fn dynamics(&mut self) -> Option<Dynamics<f64>> {
+        let sex = if self.next() < 0.0 {
+            Sex::Female
+        } else {
+            Sex::Male
+        };
+        let person = Person::new(self.within(1.2, 2.3), self.within(30.0, 200.0), sex);
+        let mut dynamics = Dynamics {
+            muscles: BACK_TRACKING,
+            ..Dynamics::paper(person.body().ok()?, self.within(0.1, 2.0))
+        };
+        dynamics.air.velocity = Vector::from_components(self.vector(100.0).into());
+        Some(dynamics)
+    }
 }
 
 /// Motions, inputs and winds up to everything that the link lets a unit be told and that the filter lets a state be, for
@@ -174,21 +190,10 @@ fn nothing_that_is_allowed_leaves_a_range() {
     };
     let mut flown = 0;
     for _ in 0..rounds {
-        let sex = if edges.next() < 0.0 {
-            Sex::Female
-        } else {
-            Sex::Male
-        };
-        let person = Person::new(edges.within(1.2, 2.3), edges.within(30.0, 200.0), sex);
-        let Ok(body) = person.body() else {
+        let Some(dynamics) = edges.dynamics() else {
             continue;
         };
         flown += 1;
-        let mut dynamics = Dynamics {
-            muscles: BACK_TRACKING,
-            ..Dynamics::paper(body, edges.within(0.1, 2.0))
-        };
-        dynamics.air.velocity = Vector::from_components(edges.vector(100.0).into());
         let mut postures = [(); 2].map(|()| {
             Segment::ALL
                 .into_iter()
@@ -257,21 +262,10 @@ fn a_filter_stays_in_range_at_the_edges() {
     let mut ranges = RangeWatch::default();
     let mut flown = 0;
     for round in 0..rounds {
-        let sex = if edges.next() < 0.0 {
-            Sex::Female
-        } else {
-            Sex::Male
-        };
-        let person = Person::new(edges.within(1.2, 2.3), edges.within(30.0, 200.0), sex);
-        let Ok(body) = person.body() else {
+        let Some(dynamics) = edges.dynamics() else {
             continue;
         };
         flown += 1;
-        let mut dynamics = Dynamics {
-            muscles: BACK_TRACKING,
-            ..Dynamics::paper(body, edges.within(0.1, 2.0))
-        };
-        dynamics.air.velocity = Vector::from_components(edges.vector(100.0).into());
         let attitude = |edges: &mut Edges| {
             let [psi, theta, phi] = edges.vector(3.0);
             Rotation::from_quaternion(joint_rotation(psi, theta, phi))

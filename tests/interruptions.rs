@@ -9,6 +9,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use bodyflight_core::link::fault::Random;
+use bodyflight_tests::text_inputs::{MAPPING, markers, track};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_bodyflight");
 
@@ -158,45 +159,13 @@ fn run(folder: &Path, arguments: &[&str]) {
 /// A track of a jump as a logger writes it, and markers of a body that swings its limbs.
 fn written(folder: &Path) {
     run(folder, &["hide", "clean", "--duration", "4", "--out", "."]);
-    let mut track = "time_s,north_m,east_m,height_m,north_mps,east_mps,up_mps\n".to_owned();
-    let (mut height, mut speed) = (4000.0, 0.0_f64);
-    for row in 0..300 {
-        speed += 0.2 * (9.8 - 9.8 * (speed / 52.0).powi(2));
-        height -= 0.2 * speed;
-        track += &format!(
-            "{:.1},{row}.0,0,{height:.2},5,0,{:.3}\n",
-            0.2 * f64::from(row),
-            -speed
-        );
+    for (name, text) in [
+        ("track.csv", track(300)),
+        ("swing.csv", markers(400)),
+        ("points.toml", MAPPING.to_owned()),
+    ] {
+        std::fs::write(folder.join(name), text).expect("written");
     }
-    std::fs::write(folder.join("track.csv"), track).expect("written");
-    let mapping = include_str!("fuzz_targets/mappings/points.toml");
-    std::fs::write(folder.join("points.toml"), mapping).expect("written");
-    let ends = [
-        ("hip", 0.09, 0.95),
-        ("knee", 0.09, 0.53),
-        ("ank", 0.09, 0.1),
-        ("sho", 0.2, 1.45),
-        ("elb", 0.22, 1.15),
-        ("wri", 0.22, 0.9),
-    ];
-    let points: Vec<_> = [("l", 1.0), ("r", -1.0)]
-        .iter()
-        .flat_map(|(side, sign)| ends.map(|(name, y, z)| (format!("{side}{name}"), sign * y, z)))
-        .collect();
-    let mut markers = "time".to_owned();
-    for (name, ..) in &points {
-        markers += &format!(",{name}.x,{name}.y,{name}.z");
-    }
-    for row in 0..400 {
-        let time = f64::from(row) / 100.0;
-        markers += &format!("\n{time:.2}");
-        for (_, y, z) in &points {
-            let swing = 0.3 * (0.95 - z) * (3.0 * time).sin();
-            markers += &format!(",{swing:.4},{y},{z}");
-        }
-    }
-    std::fs::write(folder.join("swing.csv"), markers + "\n").expect("written");
 }
 
 fn copied(from: &Content, folder: &Path) {

@@ -7,6 +7,7 @@ pub mod greeting;
 pub mod program;
 pub mod range_watch;
 pub mod small_recording;
+pub mod text_inputs;
 pub mod transitions;
 
 use std::path::PathBuf;

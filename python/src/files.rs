@@ -4,22 +4,19 @@ use std::path::{Path, PathBuf};
 
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
 use bodyflight_estimation::Filter;
-use bodyflight_falls::verdict::Verdict;
 use bodyflight_io::destination;
-use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::diagnostic::{Kind, Problem};
 use bodyflight_io::files::write_file;
-use bodyflight_io::interrupt::Unfinished;
 use bodyflight_mocap::mapping::Mapping;
 use bodyflight_mocap::systems::is_of_another_system;
+use bodyflight_replay::flight::name_of;
 use bodyflight_replay::model_file::Effects;
-use bodyflight_tracks::{self as track, folder};
-use bodyflight_verbs::fall::{
-    Answer, Conditions, DEFAULT_MASS, beside as compared, falls, logbook,
-};
+use bodyflight_tracks::{self as tracks, folder};
+use bodyflight_verbs::fall::answer::Answer;
+use bodyflight_verbs::fall::{Conditions, DEFAULT_MASS, Stated, logbook};
 use bodyflight_verbs::output::bodies::{FRONT, SIDE, TOP, View};
 use bodyflight_verbs::output::figure::Format;
-use bodyflight_verbs::validate::captures::{is_table, judged};
-use bodyflight_verbs::validate::{bundled, read, validate as validated};
+use bodyflight_verbs::validate::inputs::Inputs;
 use bodyflight_verbs::view::estimated::estimated;
 use bodyflight_verbs::view::page::{PageData, Provenance, html};
 use bodyflight_verbs::view::run::fly;
@@ -91,16 +88,6 @@ pub(crate) fn import_recording(
     dictionary(py, &report)
 }
 
-/// Checks an optional number.
-fn within(name: &str, value: Option<f64>, [low, high]: [f64; 2]) -> PyResult<Option<f64>> {
-    match value {
-        Some(value) if !(low..=high).contains(&value) => Err(raise(
-            Problem::bad_input(format!("expected {low} to {high}, found {value}")).at(name),
-        )),
-        _ => Ok(value),
-    }
-}
-
 /// Analyses the jumps on a logger's track. Returns the dictionary of `bodyflight fall --json`; for a folder of tracks, that of
 /// its logbook. Issues a DoubtWarning if the fall is not certain, and raises a Disagreement if it is not explained.
 ///
@@ -119,18 +106,19 @@ pub(crate) fn fall(
     reference_height_m: Option<f64>,
     beside: Option<PathBuf>,
 ) -> PyResult<Py<PyAny>> {
-    within("mass", Some(mass), [30.0, 300.0])?;
-    let pressure = within("ground_pressure_hpa", ground_pressure_hpa, [500.0, 1100.0])?;
-    let (name, range) = ("ground_temperature_celsius", [-60.0, 60.0]);
-    let temperature = within(name, ground_temperature_celsius, range)?;
-    let height = within("reference_height_m", reference_height_m, [-500.0, 11_000.0])?;
-    let standard = Conditions::default();
-    let conditions = Conditions {
+    let names = [
+        "mass",
+        "ground_pressure_hpa",
+        "ground_temperature_celsius",
+        "reference_height_m",
+    ];
+    let stated = Stated {
         mass,
-        ground_pressure: pressure.map(|pressure| 100.0 * pressure),
-        ground_temperature: temperature.map(|temperature| temperature + 273.15),
-        reference_height: height.unwrap_or(standard.reference_height),
+        ground_pressure: ground_pressure_hpa,
+        ground_temperature: ground_temperature_celsius,
+        reference_height: reference_height_m.unwrap_or(Conditions::default().reference_height),
     };
+    let conditions = stated.checked(names).map_err(raise)?;
     if track.is_dir() {
         if beside.is_some() {
             let problem = Problem::bad_input("a folder of tracks has no jump beside another");
@@ -141,48 +129,18 @@ pub(crate) fn fall(
         })?;
         return dictionary(py, &book);
     }
-    let (answer, verdict) = long(py, None, |_| answer(&track, &conditions, beside.as_deref()))?;
+    let answer = long(py, None, |_| {
+        let read = tracks::read(&track)?;
+        Ok(Answer::of(read, &track, &conditions, beside.as_deref())?.0)
+    })?;
     let report = dictionary(py, &answer)?;
-    match verdict {
-        Ok(doubt) => warn_of_doubt(py, doubt.as_deref()).map(|()| report),
-        Err(problem) => Err(with_report(py, problem, report)?),
+    match answer.failure(&track, beside.as_deref()) {
+        None => Ok(report),
+        Some(problem) if problem.kind == Kind::Doubt => {
+            warn_of_doubt(py, Some(&problem.message)).map(|()| report)
+        }
+        Some(problem) => Err(with_report(py, problem, report)?),
     }
-}
-
-/// The jumps of a track; then the reason to doubt the first, if there is one, or the problem that it is not explained.
-fn answer(
-    path: &Path,
-    conditions: &Conditions,
-    beside: Option<&Path>,
-) -> Result<(Answer, Result<Option<String>>)> {
-    let track = track::read(path)?;
-    let found = falls(&track, conditions, path)?;
-    let mut jumps = found.jumps.into_iter();
-    let Some((mut report, jump)) = jumps.next() else {
-        return Err(Problem::internal("a track without jumps was accepted"));
-    };
-    report.beside = beside
-        .map(|beside| compared(beside, conditions, &jump))
-        .transpose()?;
-    let disagree = |text: String| Err(Problem::disagreement(text).in_file(path));
-    let apart = report.beside.as_ref().filter(|beside| !beside.agrees());
-    let verdict = match (report.verdict, apart) {
-        (Verdict::Unexplained, _) => disagree(report.reason.clone()),
-        (Verdict::Uncertain, _) => Ok(Some(report.reason.clone())),
-        (_, Some(_)) => disagree(
-            "the winds of both falls differ: they are not from one load, or one jumper steered"
-                .to_owned(),
-        ),
-        _ => Ok(None),
-    };
-    let answer = Answer {
-        report,
-        other_jumps: jumps.map(|(report, _)| report).collect(),
-        channels: found.channels,
-        notes: track.notes,
-        format: track.format.to_owned(),
-    };
-    Ok((answer, verdict))
 }
 
 /// Creates the exception of a run that finished with a report.
@@ -198,44 +156,11 @@ fn with_report(py: Python<'_>, problem: Problem, report: Py<PyAny>) -> PyResult<
 #[pyfunction]
 #[pyo3(signature = (paths = vec![]), text_signature = "(paths=())")]
 pub(crate) fn validate(py: Python<'_>, paths: Vec<PathBuf>) -> PyResult<Py<PyAny>> {
-    let report = long(py, None, |_| {
-        let folder = bundled::temporary()?;
-        let _unfinished = Unfinished::new(folder.path());
-        let is_of_logger = |path: &PathBuf| {
-            folder::is_track(path) || path.is_dir() && !path.join("flight.toml").exists()
-        };
-        let none = paths.is_empty();
-        let (mut tables, others): (Vec<_>, Vec<_>) =
-            paths.into_iter().partition(|path| is_table(path));
-        let (of_loggers, mut flights): (Vec<_>, Vec<_>) =
-            others.into_iter().partition(is_of_logger);
-        if flights.is_empty() && tables.is_empty() {
-            flights = bundled::write(folder.path())?;
-        }
-        if none {
-            tables.push(bundled::write_table(folder.path())?);
-        }
-        let tracks = of_loggers.iter().map(|path| folder::tracks(path));
-        let tracks = tracks.collect::<Result<Vec<_>>>()?.concat();
-        let flights = flights.iter().map(|path| Ok((name_of(path), read(path)?)));
-        let flights = flights.collect::<Result<Vec<_>>>()?;
-        let mut report = validated(&flights, &tracks)?;
-        report.captures = judged(&tables)?;
-        Ok(report)
-    })?;
+    let report = long(py, None, |_| Inputs::read(&paths)?.validate())?;
     let found = dictionary(py, &report)?;
     match report.failure() {
         None => Ok(found),
         Some(failure) => Err(with_report(py, Problem::disagreement(failure), found)?),
-    }
-}
-
-/// The name that results give to a flight: that of its file or folder.
-fn name_of(path: &Path) -> String {
-    let stem = path.file_stem().unwrap_or(path.as_os_str());
-    match path.parent().and_then(Path::file_name) {
-        Some(folder) if stem == "flight" => folder.to_string_lossy().into_owned(),
-        _ => stem.to_string_lossy().into_owned(),
     }
 }
 
@@ -273,11 +198,10 @@ pub(crate) fn figures(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<PathBuf>> {
     let known: Vec<&'static str> = PRESETS.iter().map(|preset| preset.name).collect();
-    within(
-        "snapshots",
-        u32::try_from(snapshots).ok().map(f64::from),
-        [1.0, 40.0],
-    )?;
+    if !(1..=40).contains(&snapshots) {
+        let problem = Problem::bad_input(format!("expected 1 to 40, found {snapshots}"));
+        return Err(raise(problem.at("snapshots")));
+    }
     let format = |name: &String| {
         let found = Format::ALL
             .into_iter()

@@ -24,6 +24,16 @@ use bodyflight_mvnx::recording::Options;
 /// Density if a flight gives none (kg/m3): that at about 2000 m.
 pub const DEFAULT_DENSITY: f64 = 1.0;
 
+/// A readable name of a flight: that of the folder if the file is called `flight.toml`, otherwise that of the file.
+pub fn name_of(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or(path.as_os_str());
+    let folder = path.parent().and_then(Path::file_name);
+    match folder {
+        Some(folder) if stem == "flight" => folder.to_string_lossy().into_owned(),
+        _ => stem.to_string_lossy().into_owned(),
+    }
+}
+
 /// Everything that a command needs to know about a flight besides its frames.
 #[derive(Debug, Clone)]
 pub struct Flight {

@@ -14,7 +14,7 @@ const MOST_FRAMES: usize = 64;
 
 /// A mapping of each kind; the names are those of the corpus.
 const MAPPINGS: [&str; 3] = [
-    include_str!("mappings/points.toml"),
+    crate::text_inputs::MAPPING,
     include_str!("mappings/quaternions.toml"),
     include_str!("mappings/angles.toml"),
 ];

@@ -1,6 +1,8 @@
 //! `bodyflight fall`: analyses the jumps on a logger's track, in a skydiver's terms.
 
+pub mod answer;
 pub mod beside;
+mod conditions;
 pub mod figure;
 pub mod logbook;
 pub mod page;
@@ -20,38 +22,12 @@ use serde::Serialize;
 
 use beside::Beside;
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_tracks::{self as track, Track};
+use bodyflight_tracks::{self as track, Track, folder};
+pub use conditions::{Conditions, DEFAULT_MASS, Stated};
 use sensors::{Sensors, ground_pressure, sensors};
-
-/// Default mass of skydiver and equipment (kg).
-pub const DEFAULT_MASS: f64 = 80.0;
 
 /// Thickness of the layers in which the wind is given (m).
 const LAYER: f64 = 500.0;
-
-/// Known data of the jumper and the day.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Conditions {
-    /// Mass of skydiver and equipment (kg).
-    pub mass: f64,
-    /// Pressure on the ground (Pa); by default the barometer's, or that of the standard atmosphere.
-    pub ground_pressure: Option<f64>,
-    /// Temperature on the ground (K); by default that of the standard atmosphere.
-    pub ground_temperature: Option<f64>,
-    /// Height in the standard atmosphere to which fall rates are normalised (m).
-    pub reference_height: f64,
-}
-
-impl Default for Conditions {
-    fn default() -> Self {
-        Self {
-            mass: DEFAULT_MASS,
-            ground_pressure: None,
-            ground_temperature: None,
-            reference_height: Settings::default().reference_height,
-        }
-    }
-}
 
 /// A moment of the jump.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -203,21 +179,13 @@ pub struct Falls {
     pub channels: Vec<Finding>,
 }
 
-/// What is known of one track.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Answer {
-    /// The jump that the track is about: the longest certain fall.
-    #[serde(flatten)]
-    pub report: Report,
-    /// The other jumps of the track, in order of time.
-    pub other_jumps: Vec<Report>,
-    /// Channels that contradict each other, and what was done about it.
-    pub channels: Vec<Finding>,
-    /// What was mended or left out while reading.
-    pub notes: Vec<String>,
-    /// Format of the track.
-    pub format: String,
+/// Whether a path is that of a logger's track, or of a folder that is no flight and so may hold tracks.
+pub fn is_of_logger(path: &Path) -> bool {
+    if path.is_dir() {
+        !path.join("flight.toml").exists()
+    } else {
+        folder::is_track(path)
+    }
 }
 
 /// Analyses the jumps on a track.

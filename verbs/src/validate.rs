@@ -9,6 +9,7 @@ pub mod captures;
 pub mod check;
 pub mod falls;
 pub mod figure;
+pub mod inputs;
 pub mod windows;
 
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
 use bodyflight_mvnx::recording::faults;
-use bodyflight_replay::flight::Flight;
+use bodyflight_replay::flight::{Flight, name_of};
 use bodyflight_verbs::compare::align::Align;
 use bodyflight_verbs::compare::{
     Compared, Report, Settings, Side, Track, compare, figure, page, table,
@@ -15,7 +15,7 @@ use bodyflight_verbs::view::page::{PageData, Provenance, html};
 
 use super::arguments::window;
 use super::outputs::{Outputs, Plot};
-use super::several::{file_of, name_of, output_of};
+use super::several::{file_of, output_of};
 use super::simulate::Reading;
 use super::terminal::{self, FlightBar};
 use super::view::{command, open};

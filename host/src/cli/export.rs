@@ -5,12 +5,11 @@ use std::path::PathBuf;
 use bodyflight_estimation::motion::Method;
 use bodyflight_io::destination::ending;
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_replay::flight::Flight;
+use bodyflight_replay::flight::{Flight, name_of};
 use bodyflight_replay::model_file::Effects;
 use bodyflight_verbs::export::{Format, Report, export};
 
 use super::outputs::Outputs;
-use super::several::name_of;
 use super::simulate::Reading;
 use super::terminal::{self, FlightBar};
 

@@ -4,12 +4,10 @@ mod print;
 
 use std::path::PathBuf;
 
-use bodyflight_falls::verdict::Verdict;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_tracks::{self as track, folder};
-use bodyflight_verbs::fall::{
-    Answer, Conditions, DEFAULT_MASS, Report, beside, falls, figure, logbook,
-};
+use bodyflight_verbs::fall::answer::Answer;
+use bodyflight_verbs::fall::{Conditions, DEFAULT_MASS, Stated, figure, logbook};
 
 use super::outputs::{Outputs, Plot};
 use super::terminal;
@@ -85,14 +83,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let spinner = terminal::spinner("reading");
     let track = track::read(&args.track)?;
     args.outputs.check_with([&args.logbook], &args.plot)?;
-    let found = falls(&track, &conditions, &args.track)?;
-    let mut jumps = found.jumps.into_iter();
-    let Some((mut report, jump)) = jumps.next() else {
-        return Err(Problem::internal("a track without jumps was accepted"));
-    };
-    if let Some(path) = &args.beside {
-        report.beside = Some(beside(path, &conditions, &jump)?);
-    }
+    let (answer, jump) = Answer::of(track, &args.track, &conditions, args.beside.as_deref())?;
     spinner.finish_and_clear();
     let title = || args.track.display().to_string();
     args.plot
@@ -103,39 +94,15 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             path,
         )?;
     }
-    let answer = Answer {
-        report,
-        other_jumps: jumps.map(|(report, _)| report).collect(),
-        channels: found.channels,
-        notes: track.notes,
-        format: track.format.to_owned(),
-    };
     if json {
         terminal::print_json(&answer)?;
     } else {
         print::answer(&answer, args.units.units());
     }
-    judged(answer.report, args)
-}
-
-/// Turns the verdict into the exit code.
-fn judged(report: Report, args: &Args) -> Result<()> {
-    if report.verdict == Verdict::Unexplained {
-        return Err(Problem::disagreement(report.reason).in_file(&args.track));
+    match answer.failure(&args.track, args.beside.as_deref()) {
+        None => Ok(()),
+        Some(problem) => Err(problem),
     }
-    if report.verdict == Verdict::Uncertain {
-        return Err(Problem::doubt(report.reason).in_file(&args.track));
-    }
-    if let (Some(beside), Some(path)) = (&report.beside, &args.beside)
-        && !beside.agrees()
-    {
-        let apart = beside.winds_apart.unwrap_or(f64::NAN);
-        return Err(Problem::disagreement(format!(
-            "the winds of both falls are {apart:.1} deviations apart: they are not from one load, or one jumper steered"
-        ))
-        .in_file(path));
-    }
-    Ok(())
 }
 
 /// The logbook of a folder.
@@ -166,35 +133,18 @@ fn run_folder(args: &Args, conditions: &Conditions, json: bool) -> Result<()> {
     Ok(())
 }
 
-/// Checks the number of an option.
-fn within(name: &str, value: f64, [low, high]: [f64; 2]) -> Result<f64> {
-    if (low..=high).contains(&value) {
-        return Ok(value);
-    }
-    Err(Problem::bad_input(format!(
-        "--{name}: expected {low} to {high}, found {value}"
-    )))
-}
-
-/// Checks the mass of skydiver and equipment (kg).
-pub(super) fn mass(mass: f64) -> Result<f64> {
-    within("mass", mass, [30.0, 300.0])
-}
-
 fn conditions(args: &Args) -> Result<Conditions> {
-    let optional = |name: &str, value: Option<f64>, range: [f64; 2]| {
-        value.map(|value| within(name, value, range)).transpose()
-    };
-    let pressure = optional("ground-pressure", args.ground_pressure, [500.0, 1100.0])?;
-    let temperature = optional("ground-temperature", args.ground_temperature, [-60.0, 60.0])?;
-    Ok(Conditions {
-        mass: mass(args.mass)?,
-        ground_pressure: pressure.map(|pressure| 100.0 * pressure),
-        ground_temperature: temperature.map(|temperature| temperature + 273.15),
-        reference_height: within(
-            "reference-height",
-            args.reference_height,
-            [-500.0, 11_000.0],
-        )?,
-    })
+    let names = [
+        "--mass",
+        "--ground-pressure",
+        "--ground-temperature",
+        "--reference-height",
+    ];
+    Stated {
+        mass: args.mass,
+        ground_pressure: args.ground_pressure,
+        ground_temperature: args.ground_temperature,
+        reference_height: args.reference_height,
+    }
+    .checked(names)
 }

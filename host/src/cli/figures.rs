@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_replay::flight::Flight;
+use bodyflight_replay::flight::{Flight, name_of};
 use bodyflight_verbs::figures::{Settings, files, write};
 use bodyflight_verbs::output::bodies::{FRONT, SIDE, TOP, View};
 use bodyflight_verbs::output::figure::Format;
@@ -11,7 +11,6 @@ use serde::Serialize;
 
 use super::arguments::Names;
 use super::outputs::Outputs;
-use super::several::name_of;
 use super::simulate::Reading;
 use super::terminal::FlightBar;
 use super::{estimate, terminal};

@@ -4,22 +4,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use bodyflight_io::diagnostic::{Kind, Problem, Result};
+use bodyflight_replay::flight::name_of;
 use serde::Serialize;
 
 use super::terminal;
 
 /// The placeholder for the flight's name in names of outputs.
 const NAME: &str = "{}";
-
-/// A readable name: that of the folder if the file is called `flight.toml`, otherwise that of the file.
-pub(super) fn name_of(path: &Path) -> String {
-    let stem = path.file_stem().unwrap_or(path.as_os_str());
-    let folder = path.parent().and_then(Path::file_name);
-    match folder {
-        Some(folder) if stem == "flight" => folder.to_string_lossy().into_owned(),
-        _ => stem.to_string_lossy().into_owned(),
-    }
-}
 
 /// The file that a flight is read from: `flight.toml` if `flight` is a folder, otherwise `flight` itself.
 pub(super) fn file_of(flight: &Path) -> PathBuf {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::CsvFile;
 use bodyflight_mvnx::recording::Options;
-use bodyflight_replay::flight::Flight;
+use bodyflight_replay::flight::{Flight, name_of};
 use bodyflight_verbs::output::figure::{Format, write_figure};
 use bodyflight_verbs::technique::against::Expert;
 use bodyflight_verbs::technique::figure::{amplitudes_svg, bode_svg, picture_svg};
@@ -14,7 +14,7 @@ use bodyflight_verbs::technique::{Settings, Technique, expert, technique};
 
 use super::arguments::window;
 use super::outputs::{Outputs, Plot};
-use super::several::{each, name_of, output_of};
+use super::several::{each, output_of};
 use super::{simulate, terminal};
 
 /// Find the movement patterns of a maneuver, and how this body's fall and turn answer to each.

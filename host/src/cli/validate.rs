@@ -3,12 +3,10 @@
 use std::path::PathBuf;
 
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_io::interrupt::Unfinished;
-use bodyflight_replay::recorded::Recorded;
-use bodyflight_tracks::folder::{is_track, tracks};
-use bodyflight_verbs::validate::captures::{Captures, LENGTH, is_table, judged};
+use bodyflight_verbs::validate::captures::{Captures, LENGTH};
+use bodyflight_verbs::validate::inputs::Inputs;
 use bodyflight_verbs::validate::windows::{MODELS, Spread};
-use bodyflight_verbs::validate::{Report, bundled, figure, read, validate};
+use bodyflight_verbs::validate::{Report, figure};
 
 use super::outputs::{Outputs, Plot};
 use super::terminal::{self, Stages};
@@ -34,41 +32,11 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let stages = Stages::new("validating");
-    let folder = bundled::temporary()?;
-    let _unfinished = Unfinished::new(folder.path());
-    let is_of_logger =
-        |path: &&PathBuf| is_track(path) || path.is_dir() && !path.join("flight.toml").exists();
-    let (tables, others): (Vec<&PathBuf>, Vec<&PathBuf>) =
-        args.paths.iter().partition(|path| is_table(path));
-    let (of_loggers, mut paths): (Vec<&PathBuf>, Vec<&PathBuf>) =
-        others.into_iter().partition(is_of_logger);
-    let mut tables: Vec<PathBuf> = tables.into_iter().cloned().collect();
-    let bundled_paths = if paths.is_empty() && tables.is_empty() {
-        bundled::write(folder.path())?
-    } else {
-        Vec::new()
-    };
-    if args.paths.is_empty() {
-        tables.push(bundled::write_table(folder.path())?);
-    }
-    paths.extend(&bundled_paths);
-    let tracks = of_loggers
-        .into_iter()
-        .map(|path| tracks(path))
-        .collect::<Result<Vec<_>>>()?
-        .concat();
-    let flights = paths
-        .iter()
-        .map(|path| {
-            let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            Ok((name.into_owned(), read(path)?))
-        })
-        .collect::<Result<Vec<(String, Recorded)>>>()?;
+    let inputs = Inputs::read(&args.paths)?;
     args.outputs.check_with([], &args.plot)?;
-    let mut report = validate(&flights, &tracks)?;
-    report.captures = judged(&tables)?;
+    let report = inputs.validate()?;
     let title = args.plot.title(|| "Whole flights, start fitted".to_owned());
-    let drawn = args.plot.write(|| figure::svg(&title, &flights));
+    let drawn = args.plot.write(|| figure::svg(&title, &inputs.flights));
     stages.end();
     drawn?;
     if json {

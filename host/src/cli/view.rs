@@ -9,7 +9,7 @@ use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::files::write_file;
 use bodyflight_io::input;
 use bodyflight_mvnx::recording::Options;
-use bodyflight_replay::flight::Flight;
+use bodyflight_replay::flight::{Flight, name_of};
 use bodyflight_replay::model_file::Effects;
 use bodyflight_verbs::fall::DEFAULT_MASS;
 use bodyflight_verbs::view::estimated::estimated;
@@ -21,7 +21,7 @@ use serde_json::Value;
 use super::estimate::MethodName;
 use super::fall::UnitsName;
 use super::outputs::Outputs;
-use super::several::{file_of, name_of};
+use super::several::file_of;
 use super::simulate::Reading;
 use super::terminal::{self, FlightBar};
 

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use bodyflight_falls::verdict::Verdict;
 use serde::Serialize;
 
-use super::{Answer, Conditions, Moment, Report, falls};
+use super::answer::Answer;
+use super::{Conditions, Moment, Report, falls};
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::files::{CsvFile, number};
 use bodyflight_io::progress;

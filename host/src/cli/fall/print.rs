@@ -1,10 +1,11 @@
 //! The text of `bodyflight fall`.
 
 use bodyflight_falls::prediction::{Prediction, Trials};
+use bodyflight_verbs::fall::answer::Answer;
 use bodyflight_verbs::fall::beside::Beside;
 use bodyflight_verbs::fall::logbook::Logbook;
 use bodyflight_verbs::fall::units::Units;
-use bodyflight_verbs::fall::{Answer, Moment, Report, WindRow};
+use bodyflight_verbs::fall::{Moment, Report, WindRow};
 
 use crate::cli::terminal;
 

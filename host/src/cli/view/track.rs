@@ -7,28 +7,18 @@ use bodyflight_io::progress;
 use bodyflight_tracks::{self as tracks, folder};
 use bodyflight_verbs::fall::page::{Entry, html};
 use bodyflight_verbs::fall::units::Units;
-use bodyflight_verbs::fall::{Conditions, falls};
+use bodyflight_verbs::fall::{Conditions, falls, is_of_logger};
 
-use super::super::fall::mass as valid_mass;
-use super::super::several::name_of;
+use bodyflight_replay::flight::name_of;
 
 /// Whether the files are tracks, or folders that are no flights.
 pub(super) fn are_tracks(paths: &[PathBuf]) -> bool {
-    paths.iter().all(|path| {
-        if path.is_dir() {
-            !path.join("flight.toml").exists()
-        } else {
-            folder::is_track(path)
-        }
-    })
+    paths.iter().all(|path| is_of_logger(path))
 }
 
 /// The page about the tracks at `paths`, and its number of jumps.
 pub(super) fn page(paths: &[PathBuf], mass: f64, units: Units) -> Result<(String, usize)> {
-    let conditions = Conditions {
-        mass: valid_mass(mass)?,
-        ..Conditions::default()
-    };
+    let conditions = Conditions::of_mass(mass, "--mass")?;
     let mut files = Vec::new();
     for path in paths {
         files.extend(folder::tracks(path)?);
