@@ -45,7 +45,7 @@ fn page() -> String {
         input, 8 of damping, 1/4 m2, 1/16 m3), and contain the extremes of the search: a person of 30 kg in a storm of \
         173 m/s, measured by garbage. In flights `D` stays between 4e-8 and 100, `U` below 500, gains below 60 and innovations \
         below 100, so a fixed-point filter would have to scale by the flight, or clamp; in single precision no range is \
-        reached. Every test of the filter in the unit's form checks these ranges (`tests/range_watch.rs`).\n\n",
+        reached. The tests of the filter in the unit's form with nonsense and with sensors check these ranges (`tests/range_watch.rs`).\n\n",
     );
     text.push_str(TABLE_HEAD);
     text.push('\n');

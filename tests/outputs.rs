@@ -384,7 +384,10 @@ fn arguments_do_not_reach_the_terminal_as_commands() {
         let output = bodyflight(arguments);
         let shown = text(&output.stderr);
         assert!(!output.status.success() && !shown.is_empty());
-        assert!(!shown.contains(['\u{1b}', '\u{9b}', '\u{202e}']), "{shown:?}");
+        assert!(
+            !shown.contains(['\u{1b}', '\u{9b}', '\u{202e}']),
+            "{shown:?}"
+        );
     }
 }
 

@@ -1,9 +1,10 @@
 //! Blocks of a log: packets of the link, each stored as its difference from the previous packet of the same type.
 //!
 //! A block is self-contained: its packets can be read whatever happens to other blocks, and each includes its
-//! checksum, combined with its number in the block. A packet is stored as its type followed by the exclusive or with the previous packet of that type in the
-//! block (for samples, sensors and estimates; the first is combined with zeros), with runs of zeros shortened: a byte
-//! `0x80 + n` stands for `n + 1` zeros, and a byte `n` below `0x80` precedes `n + 1` literal bytes.
+//! checksum, combined with its number in the block. A packet is stored as its type followed by the exclusive or with
+//! the previous packet of that type in the block (for samples, sensors and estimates; the first is combined with
+//! zeros), with runs of zeros shortened: a byte `0x80 + n` stands for `n + 1` zeros, and a byte `n` below `0x80`
+//! precedes `n + 1` literal bytes.
 //!
 //! The number is needed because a cyclic checksum is linear: where damage removes or repeats a difference, the packets
 //! after it would be sums of an odd number of good packets, whose checksums are right.
