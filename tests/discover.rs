@@ -147,31 +147,56 @@ fn no_effect_is_named_if_none_is_hidden_or_the_flight_is_short() {
     assert_eq!(report["model"].as_array().map(Vec::len), Some(0));
 }
 
-/// Deliberate fast turns: the flight's inputs describe what the skydiver does, so no effect is missing.
+/// Deliberate fast turns: the flight's inputs describe what the skydiver does, so nothing is missing and nothing is wrong.
 #[test]
-fn scripts_with_their_inputs_get_no_name() {
+fn a_clean_flight_needs_no_change() {
     let folder = tempfile::tempdir().expect("a folder");
-    for maneuver in ["barrel-roll", "aggressive-turns"] {
-        let [flight, other] = [5, 6].map(|seed: u64| {
-            let out = folder.path().join(format!("{maneuver}-{seed}"));
-            let out = out.to_str().expect("a plain path").to_owned();
-            json(&[
-                "synth",
-                maneuver,
-                "--seed",
-                &seed.to_string(),
-                "--out",
-                &out,
-            ]);
-            format!("{out}/flight.toml")
-        });
-        let report = json(&["discover", &flight, "--hold-out", &other]);
-        let verdict = report["verdict"].as_str().expect("a verdict");
-        assert!(
-            ["none", "calibrated", "thin"].contains(&verdict),
-            "{maneuver}: {report}"
-        );
-        assert_eq!(report["model"].as_array().map(Vec::len), Some(0));
+    let mut flights = Vec::new();
+    for (maneuver, seed) in [("barrel-roll", 0), ("barrel-roll", 5), ("aggressive-turns", 5)] {
+        let out = folder.path().join(format!("{maneuver}-{seed}"));
+        let out = out.to_str().expect("a plain path").to_owned();
+        json(&["synth", maneuver, "--seed", &seed.to_string(), "--out", &out]);
+        let flight = format!("{out}/flight.toml");
+        let report = json(&["discover", &flight]);
+        assert_eq!(report["verdict"], "none", "{maneuver} {seed}: {report}");
+        flights.push(flight);
+    }
+    let report = json(&["discover", &flights[0], "--hold-out", &flights[1]]);
+    assert_eq!(report["verdict"], "none", "{report}");
+}
+
+/// The same evidence must not count twice, nor confirm itself, under whatever name.
+#[test]
+fn a_flight_that_is_given_twice_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("flown");
+    let out = out.to_str().expect("a plain path");
+    json(&["synth", "neutral-fall", "--out", out]);
+    let copy = folder.path().join("copy.toml");
+    let flight = format!("{out}/flight.toml");
+    let packed = format!("{out}/again.mvnx.gz");
+    let mvnx = std::fs::read(format!("{out}/flight.mvnx")).expect("a recording");
+    let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    std::io::Write::write_all(&mut gzip, &mvnx).expect("memory");
+    std::fs::write(&packed, gzip.finish().expect("memory")).expect("a file");
+    let text = std::fs::read_to_string(&flight).expect("text");
+    let text = text.replace("flight.mvnx", "flown/again.mvnx.gz");
+    let text = text.replace("\"subject.toml", "\"flown/subject.toml");
+    let text = text.replace("\"inputs.csv", "\"flown/inputs.csv");
+    std::fs::write(&copy, text).expect("a file");
+    let copy = copy.to_str().expect("a plain path");
+    for (arguments, says) in [
+        (&[copy][..], "their evidence would count twice"),
+        (&["--hold-out", copy], "this flight is held out, but effects are also fitted to it"),
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
+            .args(["discover", &flight])
+            .args(arguments)
+            .output()
+            .expect("the binary starts");
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{errors}");
+        assert!(errors.replace("\n ", "").contains(says), "{errors}");
     }
 }
 

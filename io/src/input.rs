@@ -228,30 +228,6 @@ fn too_large(path: &Path, limit: u64) -> Problem {
     Problem::bad_input(message).in_file(path)
 }
 
-/// Whether two files have the same content.
-///
-/// # Errors
-/// Returns an error if either cannot be read.
-pub fn are_alike(one: &Path, other: &Path) -> Result<bool> {
-    let (mut first, mut second) = (file(one)?, file(other)?);
-    let read = |file: &mut File, path: &Path| {
-        let mut piece = Vec::with_capacity(BUFFER);
-        file.take(BUFFER as u64)
-            .read_to_end(&mut piece)
-            .map_err(|error| Problem::system("read", path, error))?;
-        Ok(piece)
-    };
-    loop {
-        let pieces = (read(&mut first, one)?, read(&mut second, other)?);
-        if pieces.0 != pieces.1 {
-            return Ok(false);
-        }
-        if pieces.0.is_empty() {
-            return Ok(true);
-        }
-    }
-}
-
 fn unpacked(plain: Box<dyn Read + Send>) -> io::Result<Input> {
     let mut input = BufReader::with_capacity(BUFFER, plain);
     let head = input.fill_buf()?;
@@ -332,9 +308,6 @@ mod tests {
         std::fs::create_dir(&inside).unwrap();
         assert!(is_claimed(&inside.join("../a.toml")));
         assert!(!is_claimed(&folder.path().join("b.toml")));
-        std::fs::write(folder.path().join("b.toml"), "mass = 81").unwrap();
-        assert!(!are_alike(&path, &folder.path().join("b.toml")).unwrap());
-        assert!(are_alike(&path, &path).unwrap());
     }
 
     #[test]

@@ -2,8 +2,10 @@
 
 pub mod figure;
 
+use std::collections::HashMap;
 use std::path::Path;
 
+use bodyflight_core::flight_sample::FlightSample;
 use bodyflight_discovery::error::Error;
 use bodyflight_discovery::input::flight::RecordedFlight;
 use bodyflight_discovery::named_effect::ByName;
@@ -60,31 +62,41 @@ pub fn refuse_track(recording: &Path) -> Result<()> {
     )))
 }
 
-/// Refuses a held-out flight that is also fitted: it would confirm anything.
-///
-/// # Errors
-/// Returns an error if two recordings are the same file, or files of the same content.
-pub fn refuse_same(recording: &Path, held_out: &Path) -> Result<()> {
-    let length = |path: &Path| std::fs::metadata(path).map(|about| about.len()).ok();
-    if length(recording) != length(held_out) || !input::are_alike(recording, held_out)? {
-        return Ok(());
-    }
-    Err(Problem::bad_input(format!(
-        "this flight is held out, but effects are also fitted to it ({})",
-        recording.display()
-    ))
-    .in_file(held_out)
-    .help("hold out another flight of the same person"))
+/// The motion of a frame, bit by bit. With the noise of sensors, no two frames are equal.
+fn bits(sample: &FlightSample) -> Vec<u64> {
+    let motion = &sample.motion;
+    let attitude = motion.inertial_from_body.quaternion().coords;
+    let numbers = attitude
+        .iter()
+        .chain(&motion.velocity.components)
+        .chain(&motion.angular_velocity.components);
+    numbers.map(|number| number.to_bits()).collect()
 }
 
-/// Same as [`refuse_same`], for each pair of a held-out and a fitted flight.
+/// Refuses a flight that is given twice, whole or in part: its evidence would count twice, and held out, it would
+/// confirm anything. `fitted` is the number of flights that are not held out.
 ///
 /// # Errors
-/// Same as [`refuse_same`].
-pub fn refuse_same_flights(fitted: &[Flight], held_out: &[Flight]) -> Result<()> {
-    for held_out in held_out {
-        for flight in fitted {
-            refuse_same(&flight.recording, &held_out.recording)?;
+/// Returns an error if two flights have frames in common, in whatever files. The first frame does not count: flights
+/// without noise may start alike.
+fn refuse_repeated(flights: &[&Flight], tracks: &[RecordedFlight], fitted: usize) -> Result<()> {
+    let mut seen: HashMap<Vec<u64>, usize> = HashMap::new();
+    for (place, track) in tracks.iter().enumerate() {
+        let frames = track.samples.iter().skip(1).map(bits);
+        for frame in frames {
+            let first = *seen.entry(frame).or_insert(place);
+            if first == place {
+                continue;
+            }
+            let other = flights[first].recording.display();
+            let says = if first < fitted && place >= fitted {
+                format!("this flight is held out, but effects are also fitted to it ({other})")
+            } else {
+                format!("frames of this flight are also in {other}, so their evidence would count twice")
+            };
+            return Err(Problem::bad_input(says)
+                .in_file(&flights[place].recording)
+                .help("give another flight of the same person"));
         }
     }
     Ok(())
@@ -103,7 +115,7 @@ pub struct Request {
 /// flight. `options` says how to read each flight, the fitted ones first.
 ///
 /// # Errors
-/// Returns an error if a flight is both fitted and held out, a file is unusable or not the recording of a whole body,
+/// Returns an error if a flight is given twice, a file is unusable or not the recording of a whole body,
 /// or the search finds no fall in it.
 pub fn discover_flights(
     fitted: &[Flight],
@@ -112,14 +124,15 @@ pub fn discover_flights(
     request: Request,
     progress: &dyn Progress,
 ) -> Result<Report> {
-    for flight in fitted.iter().chain(held_out) {
+    let flights: Vec<&Flight> = fitted.iter().chain(held_out).collect();
+    for flight in &flights {
         refuse_track(&flight.recording)?;
     }
-    refuse_same_flights(fitted, held_out)?;
     let mut tracks = Vec::new();
-    for (place, flight) in fitted.iter().chain(held_out).enumerate() {
+    for (place, flight) in flights.iter().enumerate() {
         tracks.push(read_track(flight, options(place))?);
     }
+    refuse_repeated(&flights, &tracks, fitted.len())?;
     let settings = Settings {
         max_effects: request.max_effects,
         seed: request.seed,

@@ -44,7 +44,12 @@ impl FitWithoutEffects {
         let first = problem.first(progress)?.ok_or(too_short)?;
         problem.weigh(&first);
         let around_files = problem
-            .fit(&first.point_with_wander(), Some(&first.errors), 1, progress)?
+            .fit(
+                &first.point_with_stretches(),
+                Some(&first.errors),
+                1,
+                progress,
+            )?
             .ok_or(too_short)?;
         let point = around_files.point_with(&EffectSet::new());
         // If the simulation diverges with the fitted constants, those of the files are kept.

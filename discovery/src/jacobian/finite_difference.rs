@@ -16,7 +16,7 @@ use crate::shooting::joint_error::{Angles, JOINTS, bend, legendre};
 use crate::shooting::perturbation::{InputPerturbation, UnknownWrench};
 use crate::shooting::prediction::Prediction;
 use crate::shooting::simulator::{Simulator, Steps};
-use crate::shooting::stretch::{CHANNELS, Channels, RESIDUAL_DIM, ROWS, Stretch};
+use crate::shooting::stretch::{CHANNELS, RESIDUAL_DIM, ROWS, Stretch};
 
 /// Steps of the finite differences.
 const START_STEP: [f64; CHANNELS] = [0.003, 0.003, 0.003, 0.01, 0.01, 0.01, 0.1, 0.1, 0.1];
@@ -41,14 +41,14 @@ pub(crate) fn linearized(
     point: &LinearizationPoint,
     parameters: &[ParameterId],
 ) -> Option<Jacobian> {
-    let still = Channels::zeros();
+    let likely = point.start_in(stretch);
     let wrong = point.joints_in(stretch);
     let base = Simulator::new(track, stretch, &point.model(plain), &wrong, Steps::Long);
-    let flown = base.fly(&still, None);
+    let flown = base.fly(&likely, None);
     let change = |other: &Prediction, size: f64| other.less(&flown, track, stretch) / size;
     let start = collected(CHANNELS, |k| {
-        let mut by = still;
-        by[k] = START_STEP[k];
+        let mut by = likely;
+        by[k] += START_STEP[k];
         change(&base.fly(&by, None), START_STEP[k])
     });
     let joints = [0, 1, 2].map(|degree| {
@@ -56,7 +56,7 @@ pub(crate) fn linearized(
             let mut joints = wrong.clone();
             joints.course[degree][k] += JOINT_STEP;
             change(
-                &base.with_joint(&joints, k / 3).fly(&still, None),
+                &base.with_joint(&joints, k / 3).fly(&likely, None),
                 JOINT_STEP,
             )
         })
@@ -76,7 +76,7 @@ pub(crate) fn linearized(
             return DVector::zeros(RESIDUAL_DIM);
         }
         change(
-            &base.changed_to(&subject.of(&effects)).fly(&still, None),
+            &base.changed_to(&subject.of(&effects)).fly(&likely, None),
             step,
         )
     });
@@ -89,7 +89,7 @@ pub(crate) fn linearized(
                 force: axis * force,
                 moment: axis * moment,
             };
-            change(&base.fly(&still, Some(push)), force + moment)
+            change(&base.fly(&likely, Some(push)), force + moment)
         })
     };
     let columns = Jacobian {
@@ -117,7 +117,7 @@ pub(crate) fn residual(
     let joints = point.joints_in(stretch);
     let flight = Simulator::new(track, stretch, &model, &joints, Steps::Short);
     flight
-        .fly(&Channels::zeros(), None)
+        .fly(&point.start_in(stretch), None)
         .residual(track, stretch)
 }
 
@@ -148,7 +148,7 @@ pub(crate) fn effects_alone(
     }
     let joints = point.joints_in(stretch);
     let base = Simulator::new(track, stretch, &point.model(plain), &joints, Steps::Long);
-    let flown = base.fly(&Channels::zeros(), None);
+    let flown = base.fly(&point.start_in(stretch), None);
     effect_columns(stretch, plain, point, parameters, (&base, &flown))
 }
 
@@ -159,13 +159,11 @@ fn effect_columns(
     parameters: &[ParameterId],
     (base, flown): (&Simulator<'_>, &Prediction),
 ) -> DMatrix<f64> {
+    let likely = point.start_in(stretch);
     collected(parameters.len(), |k| {
         let (other, size) = changed(plain, &point.effects, parameters[k]);
         let flight = base.changed_to(&point.subject.of(&other));
-        flight
-            .fly(&Channels::zeros(), None)
-            .less(flown, base.track, stretch)
-            / size
+        flight.fly(&likely, None).less(flown, base.track, stretch) / size
     })
 }
 
@@ -184,8 +182,8 @@ pub(crate) fn random_effects(
     let model = point.model(plain);
     let joints = point.joints_in(stretch);
     let base = Simulator::new(track, stretch, &model, &joints, Steps::Long);
-    let still = Channels::zeros();
-    let flown = base.fly(&still, None);
+    let likely = point.start_in(stretch);
+    let flown = base.fly(&likely, None);
     let start = &stretch.start;
     let air = model.dynamics.air.velocity_at(&start.position);
     let through_air = (start.velocity_inertial() - air).components;
@@ -193,7 +191,7 @@ pub(crate) fn random_effects(
         effect: *effect,
         columns: collected(3 * ROWS, |k| {
             let (varied, size) = InputPerturbation::new(*effect, k / 3, k % 3);
-            let other = base.with_varied(varied).fly(&still, None);
+            let other = base.with_varied(varied).fly(&likely, None);
             other.less(&flown, track, stretch) / size
         }),
     };

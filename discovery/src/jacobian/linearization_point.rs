@@ -8,12 +8,21 @@ use nalgebra::DVector;
 
 use crate::jacobian::subject_error::{GYRO, SUBJECT, Subject};
 use crate::shooting::joint_error::{Course, JOINTS, JointErrors};
-use crate::shooting::stretch::Stretch;
+use crate::shooting::stretch::{Channels, Stretch};
 
 /// Number of constants of suit and gyroscope, which differ between flights.
 pub(crate) const OWN: usize = 2 * JOINTS + GYRO;
 /// Number of all constants.
 pub(crate) const CONSTANTS: usize = OWN + SUBJECT;
+
+/// The most likely values of what differs from stretch to stretch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StretchErrors {
+    /// Wander of the joints.
+    pub(crate) wander: Course,
+    /// True motion at the start less the smoothed one.
+    pub(crate) start: Channels,
+}
 
 /// The point of linearization: current estimates of everything that may be wrong.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,8 +33,8 @@ pub struct LinearizationPoint {
     pub subject: Subject,
     /// Joint calibration and joint errors proportional to the bend.
     pub joints: JointErrors,
-    /// The most likely joint wander, by the first frame of a stretch. Empty until it has been estimated.
-    pub wander: BTreeMap<usize, Course>,
+    /// The most likely errors of each stretch, by its first frame. Empty until they have been estimated.
+    pub stretches: BTreeMap<usize, StretchErrors>,
 }
 
 impl LinearizationPoint {
@@ -35,7 +44,7 @@ impl LinearizationPoint {
             effects: EffectSet::new(),
             subject: Subject::as_in_file(),
             joints: JointErrors::none(),
-            wander: BTreeMap::new(),
+            stretches: BTreeMap::new(),
         }
     }
 
@@ -46,12 +55,21 @@ impl LinearizationPoint {
     /// variables).
     pub fn joints_in(&self, stretch: &Stretch) -> JointErrors {
         let mut joints = self.joints.clone();
-        if let Some(wander) = self.wander.get(&stretch.first) {
-            for (course, wander) in joints.course.iter_mut().zip(wander) {
+        if let Some(errors) = self.stretches.get(&stretch.first) {
+            for (course, wander) in joints.course.iter_mut().zip(&errors.wander) {
                 *course += wander;
             }
         }
         joints
+    }
+
+    /// The error of a stretch's smoothed start.
+    ///
+    /// A fast roll turns the noise of its start into differences that are far from proportional to it; taken at the
+    /// smoothed start, they once looked like a mass that was wrong by 7 %.
+    pub(crate) fn start_in(&self, stretch: &Stretch) -> Channels {
+        let errors = self.stretches.get(&stretch.first);
+        errors.map_or_else(Channels::zeros, |errors| errors.start)
     }
 
     /// The constants as one vector.

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::jacobian::columns::Jacobian;
-use crate::jacobian::layout::{COMPONENTS, Components};
-use crate::jacobian::linearization_point::{CONSTANTS, LinearizationPoint};
+use crate::jacobian::layout::{COMPONENTS, Components, WANDER};
+use crate::jacobian::linearization_point::{CONSTANTS, LinearizationPoint, StretchErrors};
 use crate::jacobian::random_effects::RandomEffectColumns;
 use crate::likelihood::gemm::product_transposed;
-use crate::shooting::stretch::{CHANNELS, RESIDUAL_DIM, Stretch};
+use crate::shooting::joint_error::Angles;
+use crate::shooting::stretch::{CHANNELS, Channels, RESIDUAL_DIM, Stretch};
 
 /// Sensor group of each channel.
 const GROUP: [usize; CHANNELS] = [0, 0, 0, 1, 1, 1, 2, 2, 3];
@@ -35,7 +36,11 @@ pub struct StretchFactor {
     pub(crate) first: usize,
     /// Derivatives with respect to the joints, by degree of their course.
     pub(crate) joints: [DMatrix<f64>; 3],
-    /// First-order effect of the wander at the point of linearization.
+    /// Derivatives with respect to the start, and its variance and its covariance with the first comparison for unit
+    /// variance of a frame.
+    start: DMatrix<f64>,
+    start_noise: [f64; 2],
+    /// First-order effect of the wander and the start at the point of linearization.
     pub wandered: DVector<f64>,
 }
 
@@ -87,6 +92,8 @@ impl StretchFactor {
             weight: 1.0,
             first: stretch.first,
             joints: columns.joints,
+            start: columns.start,
+            start_noise: [stretch.start_variance, stretch.start_covariance],
             wandered: DVector::zeros(RESIDUAL_DIM),
         };
         part.around(&columns.residual, point)
@@ -95,10 +102,11 @@ impl StretchFactor {
     /// The same derivatives at another point of linearization, with the residual found there.
     pub fn around(mut self, residual: &DVector<f64>, point: &LinearizationPoint) -> Self {
         self.wandered.fill(0.0);
-        if let Some(wander) = point.wander.get(&self.first) {
-            for (columns, wander) in self.joints.iter().zip(wander) {
+        if let Some(errors) = point.stretches.get(&self.first) {
+            for (columns, wander) in self.joints.iter().zip(&errors.wander) {
                 self.wandered += columns * wander;
             }
+            self.wandered += &self.start * errors.start;
         }
         self.residual = residual + &self.constants * point.constants() + &self.wandered;
         self
@@ -109,6 +117,21 @@ impl StretchFactor {
         let varying = self.varying.iter().flat_map(|varying| &varying.kernels);
         let varying = varying.map(|(k, kernel)| (*k, kernel));
         self.kernels.iter().enumerate().chain(varying)
+    }
+
+    /// The most likely errors, given variance components and the residual, multiplied by the inverse of its covariance,
+    /// that the constants leave.
+    pub(crate) fn likely(&self, sizes: &Components, pulled: &DVector<f64>) -> StretchErrors {
+        let mut wander = [Angles::zeros(); 3];
+        for ((angles, columns), k) in wander.iter_mut().zip(&self.joints).zip(WANDER) {
+            angles.copy_from(&(columns.tr_mul(pulled) * sizes[k]));
+        }
+        let [variance, covariance] = self.start_noise;
+        let seen = self.start.tr_mul(pulled);
+        let start = Channels::from_fn(|channel, _| {
+            sizes[GROUP[channel]] * (variance * seen[channel] - covariance * pulled[channel])
+        });
+        StretchErrors { wander, start }
     }
 
     /// The factored covariance.

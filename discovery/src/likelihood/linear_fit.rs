@@ -8,14 +8,13 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::jacobian::layout::Components;
-use crate::jacobian::linearization_point::{CONSTANTS, LinearizationPoint, OWN};
+use crate::jacobian::linearization_point::{CONSTANTS, LinearizationPoint, OWN, StretchErrors};
 use crate::jacobian::subject_error::GYRO;
 use crate::likelihood::factor::StretchFactor;
 use crate::likelihood::prior::Prior;
 use crate::likelihood::schur::SchurComplement;
 use crate::likelihood::variance_components::{FittedErrors, fit};
 use crate::progress::{Progress, check};
-use crate::shooting::joint_error::Course;
 use crate::shooting::stretch::RESIDUAL_DIM;
 
 /// Share of the limit of joint errors above which a fit has reached it.
@@ -72,7 +71,7 @@ impl LinearFit {
     pub fn point_with(&self, effects: &EffectSet) -> LinearizationPoint {
         LinearizationPoint {
             effects: effects.clone(),
-            wander: self.likely_wander(),
+            stretches: self.likely_stretches(),
             ..self.errors.point(&self.point)
         }
     }
@@ -90,10 +89,10 @@ impl LinearFit {
         (numbers.map(of).sum::<f64>() / count).sqrt()
     }
 
-    /// The point of linearization with the most likely wander.
-    pub fn point_with_wander(&self) -> LinearizationPoint {
+    /// The point of linearization with the most likely errors of each stretch.
+    pub fn point_with_stretches(&self) -> LinearizationPoint {
         LinearizationPoint {
-            wander: self.likely_wander(),
+            stretches: self.likely_stretches(),
             ..self.point.clone()
         }
     }
@@ -110,9 +109,9 @@ impl LinearFit {
     }
 
     /// Empty if the wander is not plausible: it would be linearized at an impossible posture.
-    fn likely_wander(&self) -> BTreeMap<usize, Course> {
+    fn likely_stretches(&self) -> BTreeMap<usize, StretchErrors> {
         if self.is_plausible() {
-            self.errors.likely_wander(&self.parts)
+            self.errors.of_stretches(&self.parts)
         } else {
             BTreeMap::new()
         }

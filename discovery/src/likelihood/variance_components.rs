@@ -9,14 +9,14 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::jacobian::layout::{COMPONENTS, Components, WANDER};
-use crate::jacobian::linearization_point::{LinearizationPoint, OWN};
+use crate::jacobian::layout::{COMPONENTS, Components};
+use crate::jacobian::linearization_point::{LinearizationPoint, OWN, StretchErrors};
 use crate::jacobian::subject_error::{SUBJECT, Subject};
 use crate::likelihood::factor::{StretchFactor, WeightedStretch};
 use crate::likelihood::prior::{Prior, PriorDeviations, wander};
 use crate::likelihood::reml::RemlEvaluation;
 use crate::progress::Progress;
-use crate::shooting::joint_error::{Angles, Course, JOINTS, JointErrors};
+use crate::shooting::joint_error::{JOINTS, JointErrors};
 use crate::shooting::stretch::RESIDUAL_DIM;
 
 /// The errors of a flight.
@@ -56,25 +56,18 @@ impl FittedErrors {
             effects: before.effects.clone(),
             subject: Subject(self.constants.rows(OWN, SUBJECT).into_owned()).possible(),
             joints,
-            wander: BTreeMap::new(),
+            stretches: BTreeMap::new(),
         }
     }
 
-    /// The most likely wander in each stretch.
-    pub fn likely_wander(&self, parts: &[StretchFactor]) -> BTreeMap<usize, Course> {
-        let each = parts.par_iter();
-        each.filter_map(|part| Some((part.first, self.wander_in(part)?)))
-            .collect()
-    }
-
-    fn wander_in(&self, part: &StretchFactor) -> Option<Course> {
-        let left = &part.residual - &part.constants * &self.constants;
-        let pulled = part.covariance(&self.sizes)?.solve(&left) / part.weight;
-        let mut course = [Angles::zeros(); 3];
-        for ((angles, columns), k) in course.iter_mut().zip(&part.joints).zip(WANDER) {
-            angles.copy_from(&(columns.tr_mul(&pulled) * self.sizes[k]));
-        }
-        Some(course)
+    /// The most likely errors of each stretch.
+    pub(crate) fn of_stretches(&self, parts: &[StretchFactor]) -> BTreeMap<usize, StretchErrors> {
+        let of = |part: &StretchFactor| {
+            let left = &part.residual - &part.constants * &self.constants;
+            let pulled = part.covariance(&self.sizes)?.solve(&left) / part.weight;
+            Some((part.first, part.likely(&self.sizes, &pulled)))
+        };
+        parts.par_iter().filter_map(of).collect()
     }
 }
 

@@ -15,7 +15,7 @@ const BEFORE: usize = 4;
 /// Times on either side of the start that are used for smoothing (s), the longest for which a parabola is adequate: the
 /// body turns by at most this angle (rad), and the squared residuals of the angular velocity exceed those of its noise
 /// by at most this many standard deviations.
-const SMOOTHED: [f64; 4] = [0.1, 0.07, 0.05, 0.035];
+const SMOOTHED: [f64; 6] = [0.1, 0.07, 0.05, 0.035, 0.025, 0.0125];
 const SMOOTHED_TURN: f64 = 0.7;
 const SMOOTHED_EXCESS: f64 = 2.0;
 

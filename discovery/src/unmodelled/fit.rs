@@ -11,7 +11,7 @@ use crate::likelihood::linear_fit::LinearFit;
 use crate::likelihood::prior::subject_precision;
 use crate::likelihood::schur::InformationForm;
 use crate::shooting::simulator::{Simulator, Steps};
-use crate::shooting::stretch::{Channels, RESIDUAL_DIM};
+use crate::shooting::stretch::RESIDUAL_DIM;
 use crate::unmodelled::term::Group;
 
 /// Steps of the finite differences: force (N), moment (N m), frequency (Hz), phase (rad).
@@ -130,12 +130,12 @@ fn around(
     let base = point.model(&under.plain);
     let reduced = problem.reduced_around(fitted, point, |stretch| {
         let track = problem.track;
-        let joints = point.joints_in(stretch);
+        let (joints, likely) = (point.joints_in(stretch), point.start_in(stretch));
         let prepared = Simulator::new(track, stretch, &base, &joints, Steps::Long);
-        let flown = prepared.fly(&Channels::zeros(), None);
+        let flown = prepared.fly(&likely, None);
         let mut columns = DMatrix::zeros(RESIDUAL_DIM, others.len() + 1);
         for (k, (model, size)) in others.iter().enumerate() {
-            let other = prepared.changed_to(model).fly(&Channels::zeros(), None);
+            let other = prepared.changed_to(model).fly(&likely, None);
             columns.set_column(k, &(other.less(&flown, track, stretch) / *size));
         }
         let residual = residual(track, stretch, &under.plain, point);
