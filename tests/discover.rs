@@ -152,10 +152,21 @@ fn no_effect_is_named_if_none_is_hidden_or_the_flight_is_short() {
 fn a_clean_flight_needs_no_change() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut flights = Vec::new();
-    for (maneuver, seed) in [("barrel-roll", 0), ("barrel-roll", 5), ("aggressive-turns", 5)] {
+    for (maneuver, seed) in [
+        ("barrel-roll", 0),
+        ("barrel-roll", 5),
+        ("aggressive-turns", 5),
+    ] {
         let out = folder.path().join(format!("{maneuver}-{seed}"));
         let out = out.to_str().expect("a plain path").to_owned();
-        json(&["synth", maneuver, "--seed", &seed.to_string(), "--out", &out]);
+        json(&[
+            "synth",
+            maneuver,
+            "--seed",
+            &seed.to_string(),
+            "--out",
+            &out,
+        ]);
         let flight = format!("{out}/flight.toml");
         let report = json(&["discover", &flight]);
         assert_eq!(report["verdict"], "none", "{maneuver} {seed}: {report}");
@@ -187,7 +198,10 @@ fn a_flight_that_is_given_twice_is_refused() {
     let copy = copy.to_str().expect("a plain path");
     for (arguments, says) in [
         (&[copy][..], "their evidence would count twice"),
-        (&["--hold-out", copy], "this flight is held out, but effects are also fitted to it"),
+        (
+            &["--hold-out", copy],
+            "this flight is held out, but effects are also fitted to it",
+        ),
     ] {
         let output = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
             .args(["discover", &flight])

@@ -39,7 +39,6 @@ use named_effect::Outcome;
 use output::report::Report;
 use output::verdict::report;
 use progress::{Progress, begin};
-use shooting::smoothed_start::first_frames;
 pub use shooting::stretch::CHANNELS;
 use unmodelled::search::described;
 
@@ -76,26 +75,21 @@ pub fn discover(
     progress: &dyn Progress,
 ) -> Result<Report> {
     begin(progress, "sensor noise")?;
-    let problem = |track: &RecordedFlight| -> Result<()> {
-        let found_s = track.duration();
-        let least_s = DECISION.shortest_s;
-        if first_frames(track).count() < DECISION.shortest_stretches {
-            return Err(Error::TooShort { least_s, found_s });
-        }
-        Ok(())
+    let too_short = |found_s: f64| Error::TooShort {
+        least_s: DECISION.shortest_s,
+        found_s,
     };
-    flights.iter().chain(held_out).try_for_each(problem)?;
     if flights.is_empty() {
-        return Err(Error::TooShort {
-            least_s: DECISION.shortest_s,
-            found_s: 0.0,
-        });
+        return Err(too_short(0.0));
     }
-    let mut problems: Vec<FlightProblem<'_>> = flights
-        .iter()
-        .chain(held_out)
-        .map(|track| FlightProblem::new(track, &settings.tolerances))
-        .collect();
+    let mut problems = Vec::new();
+    for track in flights.iter().chain(held_out) {
+        let problem = FlightProblem::new(track, &settings.tolerances);
+        if problem.stretches.is_empty() {
+            return Err(too_short(track.duration()));
+        }
+        problems.push(problem);
+    }
     begin(progress, "errors of suit, subject and sensors")?;
     let mut alone = Vec::new();
     let all = problems.len() as f64;

@@ -92,7 +92,9 @@ fn refuse_repeated(flights: &[&Flight], tracks: &[RecordedFlight], fitted: usize
             let says = if first < fitted && place >= fitted {
                 format!("this flight is held out, but effects are also fitted to it ({other})")
             } else {
-                format!("frames of this flight are also in {other}, so their evidence would count twice")
+                format!(
+                    "frames of this flight are also in {other}, so their evidence would count twice"
+                )
             };
             return Err(Problem::bad_input(says)
                 .in_file(&flights[place].recording)

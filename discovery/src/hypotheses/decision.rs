@@ -32,9 +32,7 @@ pub(crate) struct Decision {
     pub(crate) confirming_ratio: f64,
     /// Share of the way from neutral to the end of its range above which a parameter matters.
     pub(crate) material_share_of_range: f64,
-    /// Minimum duration of a flight (stretches).
-    pub(crate) shortest_stretches: usize,
-    /// The same as told to the user (s).
+    /// Minimum duration of a flight (s), three comparisons.
     pub(crate) shortest_s: f64,
     /// Standard deviations by which a named effect must exceed the 99th percentile of the null distribution.
     pub(crate) z_beyond_null: f64,
@@ -73,8 +71,8 @@ pub(crate) struct Decision {
     pub(crate) score_z_held_out: f64,
     /// Share of the best slope above which another effect that changes at random is fitted too.
     pub(crate) score_share: f64,
-    /// Shortest flight in which effects can be distinguished (stretches).
-    pub(crate) thin_stretches: usize,
+    /// Shortest motion, over all fitted flights together, in which effects can be distinguished (s).
+    pub(crate) informative_s: f64,
     /// Share of what arbitrary forces and moments could explain that the named effects must explain.
     pub(crate) explained_share: f64,
     /// Misfit per observation above which the fit has failed, so that names found with it mean nothing.
@@ -132,8 +130,7 @@ pub(crate) const DECISION: Decision = Decision {
     replacing_gain: 1.0,
     confirming_ratio: 3.0,
     material_share_of_range: 0.02,
-    shortest_stretches: 2,
-    shortest_s: 4.0,
+    shortest_s: 0.3,
     z_beyond_null: 1.0,
     least_z: 4.5,
     intervals: [1.96, 2.24, 2.39],
@@ -152,7 +149,7 @@ pub(crate) const DECISION: Decision = Decision {
     score_z: 3.0,
     score_z_held_out: 1.5,
     score_share: 0.5,
-    thin_stretches: 20,
+    informative_s: 12.0,
     explained_share: 0.6,
     failed_misfit: 1.02,
     agreeing_misfit: 1.15,

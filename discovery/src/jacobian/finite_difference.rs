@@ -16,7 +16,7 @@ use crate::shooting::joint_error::{Angles, JOINTS, bend, legendre};
 use crate::shooting::perturbation::{InputPerturbation, UnknownWrench};
 use crate::shooting::prediction::Prediction;
 use crate::shooting::simulator::{Simulator, Steps};
-use crate::shooting::stretch::{CHANNELS, RESIDUAL_DIM, ROWS, Stretch};
+use crate::shooting::stretch::{CHANNELS, Stretch};
 
 /// Steps of the finite differences.
 const START_STEP: [f64; CHANNELS] = [0.003, 0.003, 0.003, 0.01, 0.01, 0.01, 0.1, 0.1, 0.1];
@@ -25,8 +25,12 @@ const SUBJECT_STEP: f64 = 0.01;
 const FORCE_STEP: f64 = 10.0;
 const MOMENT_STEP: f64 = 3.0;
 
-fn collected(count: usize, column: impl Fn(usize) -> DVector<f64>) -> DMatrix<f64> {
-    let mut matrix = DMatrix::zeros(RESIDUAL_DIM, count);
+fn collected(
+    stretch: &Stretch,
+    count: usize,
+    column: impl Fn(usize) -> DVector<f64>,
+) -> DMatrix<f64> {
+    let mut matrix = DMatrix::zeros(stretch.grid.residuals(), count);
     for k in 0..count {
         matrix.set_column(k, &column(k));
     }
@@ -46,13 +50,13 @@ pub(crate) fn linearized(
     let base = Simulator::new(track, stretch, &point.model(plain), &wrong, Steps::Long);
     let flown = base.fly(&likely, None);
     let change = |other: &Prediction, size: f64| other.less(&flown, track, stretch) / size;
-    let start = collected(CHANNELS, |k| {
+    let start = collected(stretch, CHANNELS, |k| {
         let mut by = likely;
         by[k] += START_STEP[k];
         change(&base.fly(&by, None), START_STEP[k])
     });
     let joints = [0, 1, 2].map(|degree| {
-        collected(JOINTS, |k| {
+        collected(stretch, JOINTS, |k| {
             let mut joints = wrong.clone();
             joints.course[degree][k] += JOINT_STEP;
             change(
@@ -62,18 +66,18 @@ pub(crate) fn linearized(
         })
     });
     let bends = bends(track, stretch);
-    let bend = collected(JOINTS, |k| {
+    let bend = collected(stretch, JOINTS, |k| {
         let parts = joints.iter().zip(&bends);
         parts.map(|(matrix, bend)| matrix.column(k) * bend[k]).sum()
     });
     let effects = extended(plain, &point.effects);
-    let subject = collected(SUBJECT, |k| {
+    let subject = collected(stretch, SUBJECT, |k| {
         let mut subject = point.subject.clone();
         subject.0[k] += SUBJECT_STEP;
         let subject = subject.possible();
         let step = subject.0[k] - point.subject.0[k];
         if step == 0.0 {
-            return DVector::zeros(RESIDUAL_DIM);
+            return DVector::zeros(stretch.grid.residuals());
         }
         change(
             &base.changed_to(&subject.of(&effects)).fly(&likely, None),
@@ -81,7 +85,7 @@ pub(crate) fn linearized(
         )
     });
     let pushed = |force: f64, moment: f64| {
-        collected(3 * ROWS, |k| {
+        collected(stretch, 3 * stretch.grid.rows, |k| {
             let mut axis = Vector3::zeros();
             axis[k % 3] = 1.0;
             let push = UnknownWrench {
@@ -144,7 +148,7 @@ pub(crate) fn effects_alone(
     parameters: &[ParameterId],
 ) -> DMatrix<f64> {
     if parameters.is_empty() {
-        return DMatrix::zeros(RESIDUAL_DIM, 0);
+        return DMatrix::zeros(stretch.grid.residuals(), 0);
     }
     let joints = point.joints_in(stretch);
     let base = Simulator::new(track, stretch, &point.model(plain), &joints, Steps::Long);
@@ -160,7 +164,7 @@ fn effect_columns(
     (base, flown): (&Simulator<'_>, &Prediction),
 ) -> DMatrix<f64> {
     let likely = point.start_in(stretch);
-    collected(parameters.len(), |k| {
+    collected(stretch, parameters.len(), |k| {
         let (other, size) = changed(plain, &point.effects, parameters[k]);
         let flight = base.changed_to(&point.subject.of(&other));
         flight.fly(&likely, None).less(flown, base.track, stretch) / size
@@ -189,7 +193,7 @@ pub(crate) fn random_effects(
     let through_air = (start.velocity_inertial() - air).components;
     let of = |(effect, _): &(Effect, [f64; 3])| Changes {
         effect: *effect,
-        columns: collected(3 * ROWS, |k| {
+        columns: collected(stretch, 3 * stretch.grid.rows, |k| {
             let (varied, size) = InputPerturbation::new(*effect, k / 3, k % 3);
             let other = base.with_varied(varied).fly(&likely, None);
             other.less(&flown, track, stretch) / size
@@ -202,11 +206,11 @@ pub(crate) fn random_effects(
 fn gyro(track: &RecordedFlight, stretch: &Stretch, start: &DMatrix<f64>) -> DMatrix<f64> {
     let window = stretch.grid.window;
     let spin = |frame: usize| track.samples[frame].motion.angular_velocity.components;
-    collected(GYRO, |k| {
+    collected(stretch, GYRO, |k| {
         let (to, from) = (k / 3, k % 3);
         let first = stretch.start.angular_velocity.components[from];
         let mut column = start.column(3 + to) * -first;
-        for row in 0..ROWS {
+        for row in 0..stretch.grid.rows {
             let begin = stretch.first + row * window + 1;
             let mean = (begin..begin + window)
                 .map(|frame| spin(frame)[from])
@@ -221,9 +225,10 @@ fn gyro(track: &RecordedFlight, stretch: &Stretch, start: &DMatrix<f64>) -> DMat
 fn bends(track: &RecordedFlight, stretch: &Stretch) -> [Angles; 3] {
     let mut bends = [Angles::zeros(); 3];
     let mut norms = [0.0; 3];
-    for k in 0..=ROWS {
+    let rows = stretch.grid.rows;
+    for k in 0..=rows {
         let bend = bend(&track.samples[stretch.first + k * stretch.grid.window].posture);
-        let polynomials = legendre(2.0 * k as f64 / ROWS as f64 - 1.0);
+        let polynomials = legendre(2.0 * k as f64 / rows as f64 - 1.0);
         for ((sum, norm), value) in bends.iter_mut().zip(&mut norms).zip(polynomials) {
             *sum += bend * value;
             *norm += value * value;

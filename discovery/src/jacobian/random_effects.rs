@@ -6,7 +6,7 @@ use bodyflight_core::effect::random::{INPUT_TIME, Turbulence, decayed};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use crate::jacobian::layout::{FIRST_RANDOM, components};
-use crate::shooting::stretch::{RESIDUAL_DIM, ROWS, WINDOW};
+use crate::shooting::stretch::WINDOW;
 
 /// Derivatives of a stretch with respect to an effect.
 #[derive(Debug, Clone)]
@@ -18,15 +18,15 @@ pub struct Changes {
 }
 
 /// Correlation between the windows of a stretch, for a correlation time (s).
-fn lasting(time: f64) -> DMatrix<f64> {
-    DMatrix::from_fn(ROWS, ROWS, |i, j| {
+fn lasting(rows: usize, time: f64) -> DMatrix<f64> {
+    DMatrix::from_fn(rows, rows, |i, j| {
         decayed(WINDOW * (i as f64 - j as f64).abs() / time)
     })
 }
 
 /// Covariance from the columns about one of three axes, given the correlation of the windows.
 fn about(columns: &DMatrix<f64>, axis: usize, lasting: &DMatrix<f64>) -> DMatrix<f64> {
-    let own = columns.columns_with_step(axis, ROWS, 2);
+    let own = columns.columns_with_step(axis, lasting.nrows(), 2);
     own * lasting * own.transpose()
 }
 
@@ -73,7 +73,7 @@ impl RandomEffectColumns {
     /// A force and a moment along each body axis that change at random with a correlation time (s), unlike any effect
     /// of the library.
     pub fn loads(pushes: &[DMatrix<f64>; 2], time: f64) -> Self {
-        let lasting = lasting(time);
+        let lasting = lasting(pushes[0].ncols() / 3, time);
         let of = |k: usize| (LOADS.start + k, about(&pushes[k / 3], k % 3, &lasting));
         Self {
             changes: Vec::new(),
@@ -86,8 +86,9 @@ impl RandomEffectColumns {
         let mut kernels = Vec::new();
         for changes in &self.changes {
             let Changes { effect, columns } = changes;
-            let mut together = DMatrix::zeros(3 * ROWS, 3 * ROWS);
-            for (i, j) in (0..ROWS).flat_map(|i| (0..ROWS).map(move |j| (i, j))) {
+            let rows = columns.ncols() / 3;
+            let mut together = DMatrix::zeros(3 * rows, 3 * rows);
+            for (i, j) in (0..rows).flat_map(|i| (0..rows).map(move |j| (i, j))) {
                 let apart_s = WINDOW * (i as f64 - j as f64);
                 let block = covariance(*effect, &(self.through_air * apart_s), apart_s);
                 together.view_mut((3 * i, 3 * j), (3, 3)).copy_from(&block);
@@ -98,7 +99,7 @@ impl RandomEffectColumns {
                 kernels.push((places.start, kernel));
                 continue;
             }
-            let lasting = lasting(INPUT_TIME);
+            let lasting = lasting(rows, INPUT_TIME);
             for (axis, place) in places.enumerate() {
                 kernels.push((place, about(columns, axis, &lasting)));
             }
@@ -112,8 +113,8 @@ impl RandomEffectColumns {
             .changes
             .iter()
             .find(|changes| changes.effect == effect)?;
-        let mut fixed = DMatrix::zeros(RESIDUAL_DIM, 3);
-        for k in 0..3 * ROWS {
+        let mut fixed = DMatrix::zeros(changes.columns.nrows(), 3);
+        for k in 0..changes.columns.ncols() {
             let mut column = fixed.column_mut(k % 3);
             column += changes.columns.column(k);
         }

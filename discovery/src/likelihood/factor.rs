@@ -10,7 +10,7 @@ use crate::jacobian::linearization_point::{CONSTANTS, LinearizationPoint, Stretc
 use crate::jacobian::random_effects::RandomEffectColumns;
 use crate::likelihood::gemm::product_transposed;
 use crate::shooting::joint_error::Angles;
-use crate::shooting::stretch::{CHANNELS, Channels, RESIDUAL_DIM, Stretch};
+use crate::shooting::stretch::{CHANNELS, Channels, Stretch};
 
 /// Sensor group of each channel.
 const GROUP: [usize; CHANNELS] = [0, 0, 0, 1, 1, 1, 2, 2, 3];
@@ -47,19 +47,20 @@ pub struct StretchFactor {
 impl StretchFactor {
     /// Creates the problem from derivatives at a point of linearization.
     pub fn new(stretch: &Stretch, columns: Jacobian, point: &LinearizationPoint) -> Self {
+        let residuals = columns.residual.len();
         let mut kernels = Vec::with_capacity(COMPONENTS);
         let averaged = 1.0 / stretch.grid.window as f64;
         for group in 0..4 {
-            let mut kernel = DMatrix::zeros(RESIDUAL_DIM, RESIDUAL_DIM);
+            let mut kernel = DMatrix::zeros(residuals, residuals);
             for channel in (0..CHANNELS).filter(|channel| GROUP[*channel] == group) {
-                for row in (channel..RESIDUAL_DIM).step_by(CHANNELS) {
+                for row in (channel..residuals).step_by(CHANNELS) {
                     kernel[(row, row)] += averaged;
                 }
                 // The simulation starts from a smoothed motion that shares noise with the measurement it is compared
                 // to.
                 let start = columns.start.column(channel);
                 kernel += start * start.transpose() * stretch.start_variance;
-                for row in 0..RESIDUAL_DIM {
+                for row in 0..residuals {
                     let both = start[row] * stretch.start_covariance;
                     kernel[(row, channel)] -= both;
                     kernel[(channel, row)] -= both;
@@ -70,7 +71,7 @@ impl StretchFactor {
         let square = |matrix: &DMatrix<f64>| product_transposed(matrix, matrix);
         kernels.extend(columns.joints.iter().map(square));
         kernels.extend([&columns.moment, &columns.force].map(square));
-        let mut constants = DMatrix::zeros(RESIDUAL_DIM, CONSTANTS);
+        let mut constants = DMatrix::zeros(residuals, CONSTANTS);
         let groups = [
             &columns.joints[0],
             &columns.bend,
@@ -83,7 +84,7 @@ impl StretchFactor {
             first += group.ncols();
         }
         let part = Self {
-            residual: DVector::zeros(RESIDUAL_DIM),
+            residual: DVector::zeros(residuals),
             constants,
             effects: columns.effects,
             pushes: [columns.force, columns.moment],
@@ -94,7 +95,7 @@ impl StretchFactor {
             joints: columns.joints,
             start: columns.start,
             start_noise: [stretch.start_variance, stretch.start_covariance],
-            wandered: DVector::zeros(RESIDUAL_DIM),
+            wandered: DVector::zeros(residuals),
         };
         part.around(&columns.residual, point)
     }
@@ -136,7 +137,7 @@ impl StretchFactor {
 
     /// The factored covariance.
     pub fn covariance(&self, sizes: &Components) -> Option<Cholesky<f64, Dyn>> {
-        let mut covariance = DMatrix::zeros(RESIDUAL_DIM, RESIDUAL_DIM);
+        let mut covariance = DMatrix::zeros(self.residual.len(), self.residual.len());
         for (k, kernel) in self.kernels() {
             covariance += kernel * (sizes[k] / self.weight);
         }

@@ -24,7 +24,7 @@ use crate::likelihood::schur::SchurComplement;
 use crate::likelihood::variance_components::{self, FittedErrors};
 use crate::progress::{Progress, check};
 use crate::shooting::smoothed_start::stretches;
-use crate::shooting::stretch::{RESIDUAL_DIM, Stretch};
+use crate::shooting::stretch::Stretch;
 
 /// Maximum number of steps in a fit of the errors: from the prior, and from a similar fit.
 const FIRST_STEPS: usize = 20;
@@ -280,8 +280,10 @@ impl<'a> FlightProblem<'a> {
 
     /// Reduces the weight of outlying stretches.
     pub fn weigh(&mut self, fitted: &LinearFit) {
-        for (weight, square) in self.weights.iter_mut().zip(&fitted.errors.squares) {
-            *weight = (*weight * OUTLYING * RESIDUAL_DIM as f64 / square).min(1.0);
+        let squares = fitted.errors.squares.iter().zip(&self.stretches);
+        for (weight, (square, stretch)) in self.weights.iter_mut().zip(squares) {
+            let expected = stretch.grid.residuals() as f64;
+            *weight = (*weight * OUTLYING * expected / square).min(1.0);
         }
     }
 

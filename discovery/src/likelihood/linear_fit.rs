@@ -15,7 +15,6 @@ use crate::likelihood::prior::Prior;
 use crate::likelihood::schur::SchurComplement;
 use crate::likelihood::variance_components::{FittedErrors, fit};
 use crate::progress::{Progress, check};
-use crate::shooting::stretch::RESIDUAL_DIM;
 
 /// Share of the limit of joint errors above which a fit has reached it.
 const AT_LIMIT: f64 = 0.999;
@@ -166,7 +165,7 @@ pub(crate) fn unadjusted(fitted: &[LinearFit]) -> f64 {
         for part in &fitted.parts {
             if let Some(factor) = part.covariance(&sensors) {
                 sum += part.residual.dot(&factor.solve(&part.residual));
-                count += RESIDUAL_DIM as f64;
+                count += part.residual.len() as f64;
             }
         }
     }

@@ -9,7 +9,6 @@ use crate::likelihood::factor::{StretchFactor, WeightedStretch};
 use crate::likelihood::gemm::{product, product_transposed, transposed_product};
 use crate::likelihood::prior::{Prior, PriorDeviations, subject_precision};
 use crate::shooting::joint_error::JOINTS;
-use crate::shooting::stretch::RESIDUAL_DIM;
 
 /// Weight of the tolerances when the spread of the joint errors is estimated: they count as much as this many joint
 /// angles.
@@ -186,7 +185,7 @@ impl RemlEvaluation {
                 let rest = inverse - taken;
                 let share = 1.0 / part.weight;
                 let mut slope = Components::zeros();
-                let mut changes = DMatrix::zeros(RESIDUAL_DIM, COMPONENTS);
+                let mut changes = DMatrix::zeros(left.len(), COMPONENTS);
                 for (k, kernel) in part.kernels() {
                     let change = kernel * &left * share;
                     slope[k] = 0.5 * (left.dot(&change) - share * rest.dot(kernel));
@@ -224,7 +223,8 @@ impl RemlEvaluation {
         };
         PriorDeviations {
             calibration: share(0, tolerance.calibration).min(limit),
-            bend: share(JOINTS, tolerance.bend),
+            // At a bend of one radian, this is the same error.
+            bend: share(JOINTS, tolerance.bend).min(limit),
         }
     }
 }

@@ -17,7 +17,6 @@ use crate::likelihood::prior::{Prior, PriorDeviations, wander};
 use crate::likelihood::reml::RemlEvaluation;
 use crate::progress::Progress;
 use crate::shooting::joint_error::{JOINTS, JointErrors};
-use crate::shooting::stretch::RESIDUAL_DIM;
 
 /// The errors of a flight.
 #[derive(Debug, Clone)]
@@ -34,6 +33,8 @@ pub struct FittedErrors {
     pub likelihood: f64,
     /// Sum of squared whitened residuals of each stretch.
     pub squares: Vec<f64>,
+    /// Number of residuals.
+    pub(crate) observations: usize,
 }
 
 impl FittedErrors {
@@ -44,7 +45,7 @@ impl FittedErrors {
 
     /// Misfit per observation.
     pub fn misfit(&self) -> f64 {
-        self.squares.iter().sum::<f64>() / (self.squares.len() * RESIDUAL_DIM).max(1) as f64
+        self.squares.iter().sum::<f64>() / self.observations.max(1) as f64
     }
 
     /// The constants as a point of linearization, with the effects of `before`.
@@ -143,6 +144,7 @@ pub(crate) fn fit(
             sizes,
             prior_deviations,
             likelihood: best.likelihood,
+            observations: parts.iter().map(|part| part.residual.len()).sum(),
             squares: parts.iter().zip(&best.weighed).map(square).collect(),
             constants: best.constants,
             covariance: best.covariance,

@@ -10,7 +10,6 @@ use crate::jacobian::layout::WRENCH;
 use crate::likelihood::flight_problem::FlightProblem;
 use crate::likelihood::linear_fit::LinearFit;
 use crate::likelihood::variance_components::FittedErrors;
-use crate::shooting::stretch::{RESIDUAL_DIM, ROWS};
 
 /// Maximum number of stretches reported.
 const STRETCHES: usize = 5;
@@ -125,7 +124,8 @@ impl Remainder {
 
 /// Root mean square of a component of the wrenches: 0 to 2 moments (N m), 3 to 5 forces (N).
 fn rms(wrenches: &[WrenchesOfStretch], k: usize) -> f64 {
-    let count = (wrenches.len() * ROWS).max(1) as f64;
+    let windows = wrenches.iter().map(|(moment, _)| moment.len());
+    let count = windows.sum::<usize>().max(1) as f64;
     let squares = wrenches.iter().map(|(moment, force)| {
         let of = if k < 3 { moment } else { force };
         of.iter().map(|v| v[k % 3].powi(2)).sum::<f64>()
@@ -143,13 +143,12 @@ pub fn pushes(fitted: &LinearFit) -> Vec<WrenchesOfStretch> {
         .par_iter()
         .map(|part| {
             let left = &part.residual - &part.constants * &fitted.errors.constants;
-            let pulled = part.covariance(&fitted.errors.sizes).map_or_else(
-                || DVector::zeros(RESIDUAL_DIM),
-                |factor| factor.solve(&left),
-            );
+            let pulled = part
+                .covariance(&fitted.errors.sizes)
+                .map_or_else(|| DVector::zeros(left.len()), |factor| factor.solve(&left));
             let of = |k: usize| {
                 let by = part.pushes[1 - k].tr_mul(&pulled) * fitted.errors.sizes[WRENCH[k]];
-                (0..ROWS)
+                (0..by.len() / 3)
                     .map(|row| by.fixed_rows::<3>(3 * row).into_owned())
                     .collect::<Vec<_>>()
             };

@@ -15,6 +15,7 @@ use crate::output::report::{ErrorSizes, HeldOut, Report};
 use crate::output::residual_rms::gap;
 use crate::output::residual_wrench::Remainder;
 use crate::progress::Progress;
+use crate::shooting::stretch::WINDOW;
 
 /// Compiles the report.
 ///
@@ -62,7 +63,12 @@ pub(crate) fn report(
         .iter()
         .map(|(problem, fitted)| gap(problem, fitted, &joint_fit.effects));
     let (gap_here, residual_map) = gaps.next().ok_or(Error::Cancelled)?;
-    let fly_next = explain(outcome, &named, &remainders);
+    let fly_next = explain(outcome, &named, &remainders, moving_s(joint_fit));
+    let trusted = if has_failed(joint_fit, &remainders) {
+        &[][..]
+    } else {
+        &joint_fit.fitted[..]
+    };
     Ok(Report {
         verdict: outcome,
         effects: named,
@@ -74,9 +80,8 @@ pub(crate) fn report(
             .iter()
             .map(|(problem, fitted)| ErrorSizes::new(problem, fitted))
             .collect(),
-        adjustments: adjustments(&joint_fit.fitted),
-        joints: joint_fit
-            .fitted
+        adjustments: adjustments(trusted),
+        joints: trusted
             .iter()
             .flat_map(|(_, fitted)| joint_calibrations(fitted))
             .collect(),
@@ -88,8 +93,7 @@ pub(crate) fn report(
         nearest_description: None,
         fly_next,
         model: model_of(&effects),
-        corrections: joint_fit
-            .fitted
+        corrections: trusted
             .first()
             .map_or_else(Vec::new, |(_, f)| model_of(&corrections(f))),
     })
@@ -113,6 +117,22 @@ fn explained(
     }
 }
 
+/// Duration of the fitted flights in which the body moves (s).
+fn moving_s(joint_fit: &JointFit<'_>) -> f64 {
+    let flights = joint_fit.fitted.iter().map(|(problem, _)| problem);
+    let moving = flights.filter(|problem| !problem.track.is_still(DECISION.still_rad));
+    let rows = moving.flat_map(|problem| problem.stretches.iter().map(|part| part.grid.rows));
+    rows.sum::<usize>() as f64 * WINDOW
+}
+
+/// Whether the fit ended far from the truth: joints would have to wander beyond the suit's limit, or the misfit is above
+/// one. Its numbers then mean nothing.
+fn has_failed(joint_fit: &JointFit<'_>, remainders: &[Remainder]) -> bool {
+    let mut flights = joint_fit.fitted.iter();
+    remainders.iter().any(|left| left.is_beyond_suit)
+        || flights.any(|(_, fitted)| fitted.errors.misfit() > DECISION.failed_misfit)
+}
+
 fn outcome(
     joint_fit: &JointFit<'_>,
     unadjusted: f64,
@@ -120,18 +140,9 @@ fn outcome(
     explained: f64,
     remainders: &[Remainder],
 ) -> Outcome {
-    let thin = joint_fit.fitted.iter().all(|(problem, _)| {
-        problem.stretches.len() < DECISION.thin_stretches
-            || problem.track.is_still(DECISION.still_rad)
-    });
     let unexplained = remainders.iter().any(|left| left.is_unexplained);
-    // Joints that wander beyond the suit's limit, or a misfit above one, mean that the fit ended far from the truth.
-    let failed = remainders.iter().any(|left| left.is_beyond_suit)
-        || joint_fit
-            .fitted
-            .iter()
-            .any(|(_, fitted)| fitted.errors.misfit() > DECISION.failed_misfit);
-    if thin {
+    let failed = has_failed(joint_fit, remainders);
+    if moving_s(joint_fit) < DECISION.informative_s {
         Outcome::Thin
     } else if !names.is_empty()
         && !failed
@@ -193,7 +204,7 @@ fn held_out(joint_fit: &JointFit<'_>, names: &[NamedEffect]) -> Vec<HeldOut> {
 }
 
 /// What to fly next.
-fn explain(outcome: Outcome, named: &[Named], remainders: &[Remainder]) -> String {
+fn explain(outcome: Outcome, named: &[Named], remainders: &[Remainder], moving_s: f64) -> String {
     match outcome {
         Outcome::Named => {
             let rivals = named.iter().find(|named| !named.rivals.is_empty());
@@ -223,6 +234,10 @@ fn explain(outcome: Outcome, named: &[Named], remainders: &[Remainder]) -> Strin
             })
         }
         Outcome::Described => "the same load in another posture and at another speed".to_owned(),
-        Outcome::Thin => "at least 20 s with changes of posture, attitude and speed".to_owned(),
+        Outcome::Thin => format!(
+            "more with changes of posture, attitude and speed, in one flight or in several of the same person: the body \
+            moves for {moving_s:.1} s in all, and effects can be told apart from {:.0} s on",
+            DECISION.informative_s
+        ),
     }
 }

@@ -4,7 +4,7 @@ use bodyflight_core::dynamics::Motion;
 use nalgebra::DVector;
 
 use crate::input::flight::RecordedFlight;
-use crate::shooting::stretch::{CHANNELS, Channels, RESIDUAL_DIM, ROWS, Stretch, difference};
+use crate::shooting::stretch::{CHANNELS, Channels, Stretch, difference};
 
 /// Number of channels of the attitude, which come first.
 const ATTITUDE: usize = 3;
@@ -23,7 +23,7 @@ impl Prediction {
     pub(crate) fn residual(&self, track: &RecordedFlight, stretch: &Stretch) -> DVector<f64> {
         let intervals = stretch.grid.window / self.stride;
         let weights = weights(intervals, self.stride);
-        let mut averages = DVector::zeros(RESIDUAL_DIM);
+        let mut averages = DVector::zeros(stretch.grid.residuals());
         for (k, seen) in self.seen.iter().enumerate() {
             let measured = &track.samples[stretch.first + k * self.stride].motion;
             let difference = difference(measured, seen);
@@ -32,7 +32,7 @@ impl Prediction {
                 mean += difference.component_mul(weights);
             };
             let (row, place) = (k / intervals, k % intervals);
-            if row < ROWS {
+            if row < stretch.grid.rows {
                 add(row, &weights[place]);
             }
             if place == 0 && row > 0 {

@@ -15,7 +15,7 @@ use crate::input::flight::RecordedFlight;
 use crate::shooting::joint_error::JointErrors;
 use crate::shooting::perturbation::{InputPerturbation, UnknownWrench};
 use crate::shooting::prediction::Prediction;
-use crate::shooting::stretch::{Channels, ROWS, Stretch, difference, moved};
+use crate::shooting::stretch::{Channels, Stretch, difference, moved};
 
 /// Maximum number of iterations to find the true motion for a measured one, and the difference over all channels at
 /// which they stop.
@@ -249,7 +249,7 @@ impl<'a> Simulator<'a> {
                 loads.push(dynamics, state, body, time, 0.5 * duration);
             };
             apply(&mut state, time(k));
-            let window = k * ROWS / count;
+            let window = k * grid.rows / count;
             state = self.stepped(&state, sample, &inputs, window, duration);
             apply(&mut state, time(k + 1));
             if let Some(push) = push

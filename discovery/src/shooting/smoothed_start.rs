@@ -8,7 +8,7 @@ use bodyflight_core::frame::Rotation;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::input::flight::RecordedFlight;
-use crate::shooting::stretch::{Channels, Grid, Stretch, difference, moved};
+use crate::shooting::stretch::{Channels, Grid, ROWS, Stretch, difference, moved};
 
 /// Comparison windows before the first stretch, enough for a plausible delay.
 const BEFORE: usize = 4;
@@ -19,20 +19,36 @@ const SMOOTHED: [f64; 6] = [0.1, 0.07, 0.05, 0.035, 0.025, 0.0125];
 const SMOOTHED_TURN: f64 = 0.7;
 const SMOOTHED_EXCESS: f64 = 2.0;
 
-/// The first frame of each stretch of a track.
-pub(crate) fn first_frames(track: &RecordedFlight) -> impl Iterator<Item = usize> {
-    let grid = Grid::new(track.rate(), 0.0);
-    let ends = track
-        .samples
-        .len()
-        .saturating_sub(grid.frames() + grid.window);
-    (BEFORE * grid.window..ends).step_by(grid.frames())
+/// Number of full stretches below which a flight is cut into shorter ones, and the least comparisons of these.
+const FEW_STRETCHES: usize = 2;
+const LEAST_ROWS: usize = 3;
+
+/// The first frame of each stretch of a track, and the number of its comparisons.
+///
+/// A jump of a second has no room for stretches of full length after a delay, so it is used from its first frame on,
+/// in equal parts.
+fn cuts(track: &RecordedFlight) -> Vec<(usize, usize)> {
+    let grid = Grid::new(ROWS, track.rate(), 0.0);
+    let frames = track.samples.len();
+    let ends = frames.saturating_sub(grid.frames() + grid.window);
+    let full = (BEFORE * grid.window..ends).step_by(grid.frames());
+    if full.len() >= FEW_STRETCHES {
+        return full.map(|first| (first, ROWS)).collect();
+    }
+    let rows = frames.saturating_sub(1) / grid.window;
+    let parts = rows.div_ceil(ROWS).max(1);
+    let part = |k: usize| {
+        let (from, to) = (k * rows / parts, (k + 1) * rows / parts);
+        (from * grid.window, to - from)
+    };
+    let short = (0..parts).map(part);
+    short.filter(|(_, rows)| *rows >= LEAST_ROWS).collect()
 }
 
 /// Cuts a track into stretches. `noise` is that of the angular velocity (rad/s).
 pub(crate) fn stretches(track: &RecordedFlight, noise: f64) -> Vec<Stretch> {
-    let stretch = |first: usize| {
-        let grid = Grid::new(track.rate(), turning(track, first));
+    let stretch = |(first, rows): (usize, usize)| {
+        let grid = Grid::new(rows, track.rate(), turning(track, first, rows));
         let smooth = Smooth::new(track, grid, first, noise);
         Stretch {
             first,
@@ -42,12 +58,12 @@ pub(crate) fn stretches(track: &RecordedFlight, noise: f64) -> Vec<Stretch> {
             start_covariance: smooth.after / grid.window as f64,
         }
     };
-    first_frames(track).map(stretch).collect()
+    cuts(track).into_iter().map(stretch).collect()
 }
 
 /// The fastest rotation (rad/s) in a stretch, averaged over a window, so that a single wrong frame does not count.
-fn turning(track: &RecordedFlight, first: usize) -> f64 {
-    let grid = Grid::new(track.rate(), 0.0);
+fn turning(track: &RecordedFlight, first: usize, rows: usize) -> f64 {
+    let grid = Grid::new(rows, track.rate(), 0.0);
     let mean = |window: &[FlightSample]| {
         let rates = window
             .iter()

@@ -12,10 +12,8 @@ use nalgebra::{SVector, Vector3};
 
 /// Channels of a comparison: attitude (body axes), angular velocity (body), velocity (north, west, up).
 pub const CHANNELS: usize = 9;
-/// Comparisons in a stretch, a tenth of a second each.
+/// Most comparisons in a stretch, a tenth of a second each. The last stretch of a short flight has fewer.
 pub(crate) const ROWS: usize = 6;
-/// Number of residuals in a stretch.
-pub(crate) const RESIDUAL_DIM: usize = ROWS * CHANNELS;
 /// Length of a comparison window (s).
 pub(crate) const WINDOW: f64 = 0.1;
 /// Longest integration step for simulations used in differences (s), and for simulations backwards in time.
@@ -32,6 +30,8 @@ pub(crate) type Channels = SVector<f64, CHANNELS>;
 /// How a recording is cut into frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Grid {
+    /// Number of comparisons.
+    pub rows: usize,
     /// Number of frames in a comparison window.
     pub window: usize,
     /// Number of frames in a long step.
@@ -43,13 +43,13 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// The grid for a frame rate (Hz) and the fastest rotation (rad/s).
+    /// The grid for a number of comparisons, a frame rate (Hz) and the fastest rotation (rad/s).
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "rates are positive and small"
     )]
-    pub fn new(rate: f64, turning: f64) -> Self {
+    pub fn new(rows: usize, rate: f64, turning: f64) -> Self {
         let window = (rate * WINDOW).round().max(1.0) as usize;
         let stride = |longest: f64| {
             let longest = longest.min(STEP_TURN / turning.max(1e-6));
@@ -59,6 +59,7 @@ impl Grid {
             even.unwrap_or(1)
         };
         Self {
+            rows,
             window,
             stride: stride(LONG_STEP),
             back: stride(BACK_STEP),
@@ -68,7 +69,12 @@ impl Grid {
 
     /// Number of frames in a stretch.
     pub fn frames(&self) -> usize {
-        ROWS * self.window
+        self.rows * self.window
+    }
+
+    /// Number of residuals in a stretch.
+    pub(crate) fn residuals(&self) -> usize {
+        self.rows * CHANNELS
     }
 }
 

@@ -17,7 +17,10 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
     for stretch in stretches(&track) {
         let columns =
             linearized(&track, &stretch, &plain, &LinearizationPoint::files(), &all).unwrap();
-        assert_eq!(columns.effects.shape(), (RESIDUAL_DIM, all.len()));
+        assert_eq!(
+            columns.effects.shape(),
+            (stretch.grid.residuals(), all.len())
+        );
         assert_eq!(
             columns.joints.each_ref().map(nalgebra::DMatrix::ncols),
             [JOINTS; 3]
@@ -131,7 +134,7 @@ fn slopes_are_those_of_the_residual_where_it_is_large() {
             let actual = (at(&LinearizationPoint::files()) - at(&changed)) / step;
             let slopes =
                 effects_alone(&track, &stretch, &plain, &LinearizationPoint::files(), &ids);
-            for row in (0..RESIDUAL_DIM).step_by(CHANNELS) {
+            for row in (0..stretch.grid.residuals()).step_by(CHANNELS) {
                 let attitude = actual.rows(row, 3);
                 apart += (attitude - slopes.view((row, 0), (3, 1))).norm_squared();
                 norm += attitude.norm_squared();

@@ -11,7 +11,6 @@ use crate::likelihood::linear_fit::LinearFit;
 use crate::likelihood::prior::subject_precision;
 use crate::likelihood::schur::InformationForm;
 use crate::shooting::simulator::{Simulator, Steps};
-use crate::shooting::stretch::RESIDUAL_DIM;
 use crate::unmodelled::term::Group;
 
 /// Steps of the finite differences: force (N), moment (N m), frequency (Hz), phase (rad).
@@ -133,7 +132,7 @@ fn around(
         let (joints, likely) = (point.joints_in(stretch), point.start_in(stretch));
         let prepared = Simulator::new(track, stretch, &base, &joints, Steps::Long);
         let flown = prepared.fly(&likely, None);
-        let mut columns = DMatrix::zeros(RESIDUAL_DIM, others.len() + 1);
+        let mut columns = DMatrix::zeros(stretch.grid.residuals(), others.len() + 1);
         for (k, (model, size)) in others.iter().enumerate() {
             let other = prepared.changed_to(model).fly(&likely, None);
             columns.set_column(k, &(other.less(&flown, track, stretch) / *size));

@@ -81,8 +81,9 @@ impl<'a> View<'a> {
                 let lower = factor.l_dirty();
                 let mut pushes = DMatrix::zeros(part.residual.len(), UNKNOWNS);
                 for (k, columns) in part.pushes.iter().enumerate() {
+                    // Windows that a short stretch lacks reveal nothing.
                     pushes
-                        .columns_mut(3 * ROWS * k, 3 * ROWS)
+                        .columns_mut(3 * ROWS * k, columns.ncols())
                         .copy_from(columns);
                 }
                 let mut constants = part.constants.clone();
@@ -261,8 +262,9 @@ fn windows(problem: &FlightProblem<'_>, first: usize, length: usize) -> Vec<Wind
     let track = problem.track;
     let dynamics = &problem.plain.dynamics;
     let window = |row: usize| {
-        let (from, to) = (first + row * length, first + (row + 1) * length);
-        let middle = from + length / 2;
+        let last = track.samples.len() - 1;
+        let [from, to] = [row, row + 1].map(|row| (first + row * length).min(last));
+        let middle = (from + length / 2).min(last);
         let FlightSample {
             posture, motion, ..
         } = track.samples[middle];

@@ -57,11 +57,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         Outcome::Calibrated => &report.nearest,
         _ => &report.effects,
     };
-    print_conclusion(
-        (report.verdict, effects),
-        report.gap.closed_share,
-        (args.flight(), args.out.as_deref()),
-    );
+    print_conclusion(&report, effects, args.flight(), args.out.as_deref());
     Ok(())
 }
 

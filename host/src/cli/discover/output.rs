@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use bodyflight_discovery::named_effect::{Named, Outcome};
+use bodyflight_discovery::output::report::Report;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
 use serde::Serialize;
@@ -112,11 +113,12 @@ pub(super) fn print_gap(titles: [&str; 2], channels: &[&str], gap: [&[f64]; 3]) 
 }
 
 /// Prints what the verdict means, and what to do next. `effects` are those named or, if the flight is calibrated, those
-/// that may act instead. `closed` is the closed share of the gap.
+/// that may act instead.
 pub(super) fn print_conclusion(
-    (outcome, effects): (Outcome, &[Named]),
-    closed: f64,
-    (flight, out): (&Path, Option<&Path>),
+    report: &Report,
+    effects: &[Named],
+    flight: &Path,
+    out: Option<&Path>,
 ) {
     let flight = flight.display();
     let file = |name: &str| {
@@ -125,8 +127,8 @@ pub(super) fn print_conclusion(
             |folder| folder.join(name).display().to_string(),
         )
     };
-    let closes = format!("{:.0} % of the gap", 100.0 * closed);
-    let (words, next) = match outcome {
+    let closes = format!("{:.0} % of the gap", 100.0 * report.gap.closed_share);
+    let (words, next) = match report.verdict {
         Outcome::Named => {
             let names: Vec<&str> = effects.iter().map(|effect| effect.name).collect();
             let rival = effects.iter().find(|effect| !effect.rivals.is_empty());
@@ -167,7 +169,7 @@ pub(super) fn print_conclusion(
         ),
         Outcome::Thin => (
             "too little happens in this flight to tell effects apart".to_owned(),
-            "fly at least 20 s with changes of posture, attitude and speed".to_owned(),
+            format!("fly {}", report.fly_next),
         ),
     };
     terminal::print(&format!("In words: {words}."));
