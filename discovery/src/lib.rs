@@ -25,6 +25,8 @@ mod test_subject;
 mod tests;
 mod unmodelled;
 
+use std::borrow::Cow;
+
 use bodyflight_core::tolerances::Tolerances;
 
 use error::{Error, Result};
@@ -39,6 +41,7 @@ use named_effect::Outcome;
 use output::report::Report;
 use output::verdict::report;
 use progress::{Progress, begin};
+use shooting::smoothed_start::is_short;
 pub use shooting::stretch::CHANNELS;
 use unmodelled::search::described;
 
@@ -63,8 +66,23 @@ impl Default for Settings {
     }
 }
 
+/// Joins flights that are too short to estimate their errors from each alone: they share suit and subject.
+fn joined(flights: &[RecordedFlight]) -> Vec<Cow<'_, RecordedFlight>> {
+    let (short, long): (Vec<_>, Vec<_>) = flights.iter().partition(|flight| is_short(flight));
+    let mut all: Vec<Cow<'_, RecordedFlight>> = long.into_iter().map(Cow::Borrowed).collect();
+    let first = all.len();
+    for flight in short {
+        let mut groups = all[first..].iter_mut();
+        if !groups.any(|group| group.to_mut().join(flight)) {
+            all.push(Cow::Borrowed(flight));
+        }
+    }
+    all
+}
+
 /// Searches for effects that the model lacks in flights of one subject. The flights in `held_out` are not fitted, but
-/// must confirm the result.
+/// must confirm the result. Short flights are joined,
+/// also in the report: they come after the longer ones, one after the other.
 ///
 /// # Errors
 /// Returns an error if a flight is too short, or if the search was cancelled.
@@ -82,8 +100,9 @@ pub fn discover(
     if flights.is_empty() {
         return Err(too_short(0.0));
     }
+    let (flights, held_out) = (joined(flights), joined(held_out));
     let mut problems = Vec::new();
-    for track in flights.iter().chain(held_out) {
+    for track in flights.iter().chain(&held_out) {
         let problem = FlightProblem::new(track, &settings.tolerances);
         if problem.stretches.is_empty() {
             return Err(too_short(track.duration()));

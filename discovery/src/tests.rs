@@ -321,10 +321,11 @@ fn a_flight_that_is_too_short_is_refused() {
     assert!(problem.to_string().contains("0.3 s"), "{problem}");
 }
 
-/// Pieces of flights, each with a start and joint errors of its own.
+/// Short flights of one person in one suit, each with a start of its own.
 fn jumps(seed: u64, duration: f64, hidden: &[Hidden]) -> Vec<RecordedFlight> {
     let settings = laboratory::Settings {
         seed,
+        person: Some(1),
         duration: 15.0,
         ..laboratory::Settings::default()
     };

@@ -3,7 +3,12 @@
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::flight_sample::FlightSample;
 use bodyflight_core::{Posture, Segment};
+use core::ops::Range;
+
 use nalgebra::Vector3;
+
+/// Largest difference of the frame rates of flights that are joined.
+const SAME_RATE: f64 = 0.01;
 
 /// A recorded flight with its model.
 #[derive(Debug, Clone)]
@@ -14,6 +19,8 @@ pub struct RecordedFlight {
     pub dynamics: Dynamics<f64>,
     /// The skydiver's inputs halfway from each frame to the next, as given by the files.
     pub inputs: Vec<Inputs<f64>>,
+    /// Frames of each piece without a break. A single flight is one piece.
+    pub(crate) pieces: Vec<Range<usize>>,
 }
 
 impl RecordedFlight {
@@ -30,18 +37,48 @@ impl RecordedFlight {
             inputs: middles.map(inputs).collect(),
             samples: frames.to_vec(),
             dynamics,
+            pieces: core::iter::once(0..frames.len()).collect(),
         }
+    }
+
+    /// Joins another flight of the same body with the same suit, after a pause of one frame. Returns `false` and leaves
+    /// this one as it is if rates or models differ.
+    pub(crate) fn join(&mut self, next: &Self) -> bool {
+        let is_alike = (next.rate() / self.rate() - 1.0).abs() < SAME_RATE;
+        let (Some(last), Some(first)) = (self.samples.last(), next.samples.first()) else {
+            return false;
+        };
+        if !is_alike || self.dynamics != next.dynamics {
+            return false;
+        }
+        let later = last.time + 1.0 / self.rate() - first.time;
+        let begin = self.samples.len();
+        self.samples
+            .extend(next.samples.iter().map(|sample| FlightSample {
+                time: sample.time + later,
+                ..*sample
+            }));
+        self.inputs.extend(&next.inputs);
+        let pieces = next.pieces.iter();
+        let moved = pieces.map(|piece| begin + piece.start..begin + piece.end);
+        self.pieces.extend(moved);
+        true
     }
 
     /// Frame rate (Hz).
     pub fn rate(&self) -> f64 {
-        (self.samples.len().max(2) - 1) as f64 / self.duration().max(1e-6)
+        let intervals = self.pieces.iter().map(|piece| piece.len().max(1) - 1);
+        intervals.sum::<usize>().max(1) as f64 / self.duration().max(1e-6)
     }
 
-    /// Duration (s).
+    /// Duration (s), without the pauses between pieces.
     pub fn duration(&self) -> f64 {
-        let ends = self.samples.first().zip(self.samples.last());
-        ends.map_or(0.0, |(first, last)| last.time - first.time)
+        let of = |piece: &Range<usize>| {
+            let samples = self.samples.get(piece.clone()).unwrap_or(&[]);
+            let ends = samples.first().zip(samples.last());
+            ends.map_or(0.0, |(first, last)| last.time - first.time)
+        };
+        self.pieces.iter().map(of).sum()
     }
 
     /// Whether one posture is held at one attitude to the stream. Many effects then amount to one constant force and
@@ -82,11 +119,10 @@ impl RecordedFlight {
             .map_or(0.0, |sample| sample.motion.position.components.z)
     }
 
-    /// The recorded posture at a fractional frame index, for a recording that lags by `delay` (s).
-    pub(crate) fn posture_at(&self, place: f64, delay: f64) -> Posture<f64> {
-        let last = self.samples.len() - 1;
-        let interval = self.duration() / last as f64;
-        let place = (place + delay / interval).clamp(0.0, last as f64);
+    /// The recorded posture at a fractional frame index within a piece, for a recording that lags by `delay` (s).
+    pub(crate) fn posture_at(&self, place: f64, delay: f64, piece: &Range<usize>) -> Posture<f64> {
+        let last = piece.end - 1;
+        let place = (place + delay * self.rate()).clamp(piece.start as f64, last as f64);
         let before = place.floor();
         #[expect(
             clippy::cast_possible_truncation,

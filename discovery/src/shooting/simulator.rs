@@ -83,7 +83,7 @@ impl<'a> Simulator<'a> {
         let at = |k: usize| {
             let after = (k as f64 - margin as f64) * frames as f64 / count as f64;
             let place = stretch.first as f64 + after;
-            let recorded = track.posture_at(place, model.sensors.posture_delay);
+            let recorded = track.posture_at(place, model.sensors.posture_delay, &stretch.piece);
             let over_stretch = over_stretch(k, margin, count);
             [recorded, joints.correct(&recorded, over_stretch)]
         };
@@ -305,7 +305,9 @@ impl<'a> Simulator<'a> {
         let length = grid.frames() as f64;
         let at = |frame: usize| {
             let place = 2.0 * (frame as f64 - first as f64) / length - 1.0;
-            let recorded = self.track.posture_at(frame as f64, delay);
+            let recorded = self
+                .track
+                .posture_at(frame as f64, delay, &self.stretch.piece);
             self.joints.correct(&recorded, place)
         };
         let now = Moving::of(start);
@@ -314,7 +316,8 @@ impl<'a> Simulator<'a> {
         let mut frame = first;
         let sensors = &self.model.sensors;
         let longest = sensors.velocity_latency.max(sensors.rate_lag);
-        while self.time(first) - self.time(frame) < longest.min(LONGEST_DELAY) && frame >= grid.back
+        while self.time(first) - self.time(frame) < longest.min(LONGEST_DELAY)
+            && frame >= self.stretch.piece.start + grid.back
         {
             let before = frame - grid.back;
             let duration = self.time(frame) - self.time(before);

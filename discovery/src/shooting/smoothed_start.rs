@@ -1,7 +1,8 @@
 //! Cuts a flight into stretches, each with the smoothed motion at its start.
 
 use bodyflight_core::flight_sample::FlightSample;
-use core::ops::RangeInclusive;
+use core::iter::StepBy;
+use core::ops::{Range, RangeInclusive};
 
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::frame::Rotation;
@@ -23,23 +24,34 @@ const SMOOTHED_EXCESS: f64 = 2.0;
 const FEW_STRETCHES: usize = 2;
 const LEAST_ROWS: usize = 3;
 
-/// The first frame of each stretch of a track, and the number of its comparisons.
+/// First frames of the stretches of full length in so many frames.
+fn full_stretches(frames: usize, grid: Grid) -> StepBy<Range<usize>> {
+    let ends = frames.saturating_sub(grid.frames() + grid.window);
+    (BEFORE * grid.window..ends).step_by(grid.frames())
+}
+
+/// Whether a flight is too short to estimate its errors from it alone.
+pub(crate) fn is_short(track: &RecordedFlight) -> bool {
+    let grid = Grid::new(ROWS, track.rate(), 0.0);
+    full_stretches(track.samples.len(), grid).len() < FEW_STRETCHES
+}
+
+/// The first frame of each stretch of a piece of a track, and the number of its comparisons.
 ///
 /// A jump of a second has no room for stretches of full length after a delay, so it is used from its first frame on,
 /// in equal parts.
-fn cuts(track: &RecordedFlight) -> Vec<(usize, usize)> {
+fn cuts(track: &RecordedFlight, piece: &Range<usize>) -> Vec<(usize, usize)> {
     let grid = Grid::new(ROWS, track.rate(), 0.0);
-    let frames = track.samples.len();
-    let ends = frames.saturating_sub(grid.frames() + grid.window);
-    let full = (BEFORE * grid.window..ends).step_by(grid.frames());
+    let frames = piece.len();
+    let full = full_stretches(frames, grid);
     if full.len() >= FEW_STRETCHES {
-        return full.map(|first| (first, ROWS)).collect();
+        return full.map(|first| (piece.start + first, ROWS)).collect();
     }
     let rows = frames.saturating_sub(1) / grid.window;
     let parts = rows.div_ceil(ROWS).max(1);
     let part = |k: usize| {
         let (from, to) = (k * rows / parts, (k + 1) * rows / parts);
-        (from * grid.window, to - from)
+        (piece.start + from * grid.window, to - from)
     };
     let short = (0..parts).map(part);
     short.filter(|(_, rows)| *rows >= LEAST_ROWS).collect()
@@ -47,18 +59,23 @@ fn cuts(track: &RecordedFlight) -> Vec<(usize, usize)> {
 
 /// Cuts a track into stretches. `noise` is that of the angular velocity (rad/s).
 pub(crate) fn stretches(track: &RecordedFlight, noise: f64) -> Vec<Stretch> {
-    let stretch = |(first, rows): (usize, usize)| {
+    let stretch = |piece: &Range<usize>, (first, rows): (usize, usize)| {
         let grid = Grid::new(rows, track.rate(), turning(track, first, rows));
-        let smooth = Smooth::new(track, grid, first, noise);
+        let smooth = Smooth::new(track, grid, (first, piece), noise);
         Stretch {
             first,
+            piece: piece.clone(),
             grid,
             start: smooth.motion,
             start_variance: smooth.variance,
             start_covariance: smooth.after / grid.window as f64,
         }
     };
-    cuts(track).into_iter().map(stretch).collect()
+    let of = |piece| {
+        let cuts = cuts(track, piece).into_iter();
+        cuts.map(move |cut| stretch(piece, cut))
+    };
+    track.pieces.iter().flat_map(of).collect()
 }
 
 /// The fastest rotation (rad/s) in a stretch, averaged over a window, so that a single wrong frame does not count.
@@ -91,7 +108,12 @@ impl Smooth {
         clippy::cast_sign_loss,
         reason = "only a few frames"
     )]
-    fn new(track: &RecordedFlight, grid: Grid, frame: usize, noise: f64) -> Self {
+    fn new(
+        track: &RecordedFlight,
+        grid: Grid,
+        (frame, piece): (usize, &Range<usize>),
+        noise: f64,
+    ) -> Self {
         let turn = track.samples[frame]
             .motion
             .angular_velocity
@@ -101,8 +123,8 @@ impl Smooth {
             let side = longest.min(SMOOTHED_TURN / turn.max(1e-6));
             let frames = (side * track.rate()).round() as usize;
             let half = frames.clamp(2, grid.window.max(2));
-            let last = (frame + half).min(track.samples.len() - 1);
-            Parabola::new(frame, frame.saturating_sub(half)..=last)
+            let last = (frame + half).min(piece.end - 1);
+            Parabola::new(frame, frame.saturating_sub(half).max(piece.start)..=last)
         };
         let [others @ .., shortest] = SMOOTHED;
         let mut longer = others.into_iter().map(around);

@@ -5,6 +5,8 @@
 //! differentiated. Attitude, angular velocity and velocity are compared as averages over a tenth of a second, in which
 //! errors of sensors and errors of physics leave different patterns.
 
+use core::ops::Range;
+
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::small_rotation;
@@ -83,6 +85,8 @@ impl Grid {
 pub struct Stretch {
     /// Index of its first frame.
     pub first: usize,
+    /// The frames without a break that it belongs to.
+    pub piece: Range<usize>,
     /// Its grid.
     pub grid: Grid,
     /// The smoothed motion at its start.

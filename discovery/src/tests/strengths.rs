@@ -52,7 +52,11 @@ fn effects_that_change_at_random_are_named_by_their_strengths() {
         let name = effect.description().name;
         assert_eq!(named.name, name, "pair {pair}: {:?}", report.effects);
         assert_eq!(report.effects.len(), 1, "pair {pair}: {:?}", report.effects);
-        assert!(report.held_out[0].gain > 20.0, "{:?}", report.held_out);
+        assert!(
+            report.held_out[0].gain > DECISION.total_gain,
+            "{:?}",
+            report.held_out
+        );
         assert_eq!(report.model[0].0, name);
         right += 1;
         let each = named.parameters.iter().zip(&named.standard_errors);
