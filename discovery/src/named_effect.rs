@@ -47,10 +47,10 @@ fn as_map<S: Serializer>(
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct EffectEvidence {
-    /// Significance of its gain, in standard deviations.
+    /// Significance of its gain in all flights together, in standard deviations, which decides whether it is named.
     #[serde(rename = "confidence")]
     pub z_score: f64,
-    /// Probability that some effect of the library gains as much in a flight that lacks nothing, if such flights were
+    /// Probability that some effect of the library is as significant in flights that lack nothing, if such flights were
     /// drawn.
     pub chance: Option<f64>,
     /// Share of the remaining disagreement that it explains.

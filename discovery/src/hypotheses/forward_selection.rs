@@ -9,7 +9,8 @@ use crate::error::{Error, Result};
 use crate::hypotheses::backward_elimination::without_redundant;
 use crate::hypotheses::decision::DECISION;
 use crate::hypotheses::hypothesis::{
-    BestHypothesis, Hypothesis, NamedEffect, Rejected, differs_from_neutral, is_significant,
+    BestHypothesis, Hypothesis, NamedEffect, Rejected, by_chance, differs_from_neutral,
+    is_significant,
 };
 use crate::hypotheses::refit::Refit;
 use crate::hypotheses::robust_covariance::error_bars;
@@ -123,13 +124,9 @@ fn best(hypotheses: &[Hypothesis], chance: &[f64]) -> Option<NamedEffect> {
             && other.penalized_gain() > first.penalized_gain() - DECISION.equal_rank_gain
     });
     let best = equals.min_by_key(|hypothesis| hypothesis.effect)?;
-    let above = chance
-        .iter()
-        .filter(|draw| **draw >= best.z_score())
-        .count();
     Some(NamedEffect {
         rivals: Vec::new(),
-        chance: (above + 1) as f64 / (chance.len() + 1) as f64,
+        chance: by_chance(best.z_score_together(), chance),
         hypothesis: best.clone(),
     })
 }
@@ -212,6 +209,7 @@ pub(crate) fn selected<'a>(
         let chance = found.chance.clone();
         let (mut name, next) = fitted_beside(refit, &files, &mut joint_fit, found)?;
         reached(refit.progress, tried, 1.0);
+        name.chance = by_chance(name.hypothesis.z_score_together(), &chance);
         let is_significant = is_significant(&name.hypothesis, &chance);
         let needed = next
             .as_ref()

@@ -153,6 +153,12 @@ impl NamedEffect {
     }
 }
 
+/// Probability that some effect of the library is as significant by chance, given sorted random draws.
+pub(crate) fn by_chance(z_score: f64, draws: &[f64]) -> f64 {
+    let above = draws.len() - draws.partition_point(|draw| *draw < z_score);
+    (above + 1) as f64 / (draws.len() + 1) as f64
+}
+
 /// A candidate that was not named.
 pub(crate) struct Rejected {
     pub(crate) name: NamedEffect,

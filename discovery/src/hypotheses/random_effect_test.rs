@@ -64,7 +64,7 @@ pub(crate) fn strongest<'a>(
     let stands_out =
         is_significant && stands_out(&without, &with, description_gain, refit.progress)?;
     // Chernoff's bound for a normal variable, times the number of effects tried.
-    let chance = TRIED.len() as f64 * (-0.5 * hypothesis.z_score().powi(2)).exp();
+    let chance = TRIED.len() as f64 * (-0.5 * hypothesis.z_score_together().powi(2)).exp();
     Ok(Some(RandomEffect {
         name: NamedEffect {
             hypothesis,

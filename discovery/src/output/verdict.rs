@@ -173,7 +173,7 @@ fn reported_effect(
     let values = of(effects).unwrap_or_else(|| name.hypothesis.values());
     let errors = of(errors).unwrap_or([0.0; PARAMETER_COUNT]);
     let evidence = EffectEvidence {
-        z_score: name.hypothesis.z_score(),
+        z_score: name.hypothesis.z_score_together(),
         chance: Some(name.chance),
         explains: explained,
     };
