@@ -410,7 +410,8 @@ fn flight_toml(request: &Request<'_>, muscles: &MuscleModel, tunnel: Option<&Tun
     if muscles.forces != MuscleForces::default() {
         let _ = writeln!(text, "muscle_forces = \"{}\"", muscles.forces.name());
     }
-    if muscles.lever_arms.ne(&request.maneuver.muscles.lever_arms) {
+    let unchanged = request.maneuver.muscles.with_forces(muscles.forces);
+    if *muscles != unchanged {
         let _ = writeln!(text, "lever_arms = {:?}", muscles.lever_arms);
     }
     let _ = writeln!(text, "\n[air]\ndensity = {}", request.density);

@@ -22,7 +22,7 @@ use super::{estimate, terminal};
 #[command(
     after_help = "Exit code 5: the recording cannot be trusted, and no figure was drawn; or the estimate cannot, as `bodyflight estimate` \
                   judges it, and the titles say so.\n\nExamples:\n  bodyflight figures flight.toml --format pdf --out figures\n  \
-                  bodyflight figures flight.toml --preset turning --from 10 --to 30\n\n\
+                  bodyflight figures flight.toml --preset turning --from 0.5 --to 1.5\n\n\
                   Presets and methods as in `bodyflight estimate --help`. Presets of the paper show what they measure."
 )]
 pub(super) struct Args {

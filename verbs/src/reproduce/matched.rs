@@ -135,7 +135,7 @@ struct Change {
 }
 
 /// What could be the cause of a gap, one at a time; the first is the paper's choice.
-const CHANGES: [Change; 9] = [
+const CHANGES: [Change; 10] = [
     Change {
         what: "nothing, as in the paper",
         apply: |_| {},
@@ -168,6 +168,10 @@ const CHANGES: [Change; 9] = [
     Change {
         what: "Q: a 16th of the process noise",
         apply: |preset| preset.scale(1.0 / 16.0, 1.0, 1.0),
+    },
+    Change {
+        what: "Q: a 64th of the process noise",
+        apply: |preset| preset.scale(1.0 / 64.0, 1.0, 1.0),
     },
     Change {
         what: "heading measured to 0.05 rad, as in tracking",

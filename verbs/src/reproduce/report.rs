@@ -244,13 +244,19 @@ fn section(text: &mut String, outcome: &Outcome) {
     let Some(experiment) = EXPERIMENTS.iter().find(|e| e.name == outcome.name) else {
         return;
     };
+    let figures = if experiment.figures.is_empty() {
+        "The paper has no figure of it.".to_owned()
+    } else {
+        format!(
+            "Figures of the paper: {}, which show {}.",
+            experiment.figures, experiment.shows
+        )
+    };
     // Writing to a String cannot fail.
     let _ = writeln!(
         text,
-        "\n## {}\n\nFigures of the paper: {}, which show {}. {:.0} s; preset `{}`. Matched by {}.\n\n{}\n",
+        "\n## {}\n\n{figures} {:.0} s; preset `{}`. Matched by {}.\n\n{}\n",
         experiment.title,
-        experiment.figures,
-        experiment.shows,
         outcome.duration_s,
         experiment.preset,
         experiment.procedure.in_words(),
