@@ -72,12 +72,12 @@ fn an_experiment_is_flown_reconstructed_and_reported() {
 
 #[test]
 fn matched_turns_are_within_the_papers_accuracy() {
-    let report = reproduce(&["aggressive-turns".to_owned()], &folder("matched"), &|| {});
-    let report = report.expect("a report");
-    let [turns] = report.outcomes.as_slice() else {
-        panic!("one experiment: {report:?}");
+    let what = ["aggressive-turns", "novice-turns"].map(str::to_owned);
+    let report = reproduce(&what, &folder("matched"), &|| {}).expect("a report");
+    let [turns, by_expert] = report.outcomes.as_slice() else {
+        panic!("two experiments: {report:?}");
     };
-    println!("{turns:?}");
+    println!("{turns:?}\n{by_expert:?}");
     for (channel, accuracy) in [
         (Channel::Roll, 0.15),
         (Channel::Pitch, 0.15),
@@ -91,6 +91,8 @@ fn matched_turns_are_within_the_papers_accuracy() {
     }
     // It is the match that does it: the same filter misses the flight without the forces that it believes in.
     assert!(turns.paper_filter.get(Channel::VerticalVelocity) > 10.0);
+    // Limbs matter too: those of an expert do not explain the turns of a novice.
+    assert!(by_expert.matched.get(Channel::AngularVelocity) > 0.5);
     // The command of the report flies the same flight.
     let text = std::fs::read_to_string(&report.report).expect("the report");
     assert!(text.contains("--muscle-forces paper --lever-arms 2.8,1.2,1.8,2.2"));

@@ -114,7 +114,7 @@ pub fn write(
         .retain(|point| shown.contains(&point.time));
     if estimation.points.is_empty() || series.rows() == 0 {
         return Err(
-            Problem::bad_input(format!("there is nothing to draw from {from} to {to} s"))
+            Problem::bad_input("the flight has nothing to draw between --from and --to")
                 .in_file(&flight.recording)
                 .help("give times within the flight, which bodyflight inspect lists"),
         );

@@ -51,7 +51,7 @@ pub(super) struct Args {
     muscle_forces: ForcesName,
     /// Lever arms l1 to l4 of the paper's forces, as shares of the stature, instead of those of a body: longer ones make
     /// the forces smaller.
-    #[arg(long, value_name = "L1,L2,L3,L4", value_delimiter = ',', num_args = 4)]
+    #[arg(long, value_name = "L1,L2,L3,L4", value_delimiter = ',')]
     lever_arms: Vec<f32>,
     #[command(flatten)]
     outputs: Outputs,
