@@ -75,8 +75,8 @@ const VERBS: [Verb; 11] = {
         verb(
             &["figures", "FLIGHT", "--format", "svg", "--out", "figures"],
             Recording,
-            48.0,
-            8.0,
+            64.0,
+            36.0,
         ),
         verb(
             &[

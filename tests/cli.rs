@@ -338,13 +338,27 @@ fn figures_are_written_and_bad_input_of_the_viewer_is_named() {
     let flight = synth("rotations", folder.path(), &[]);
     let out = folder.path().join("figures");
     let out = out.to_str().expect("a plain path");
-    let report = json(&["figures", &flight, "--preset", "turning", "--out", out]);
+    let report = json(&["figures", &flight, "--from", "2", "--to", "6", "--out", out]);
     let figures = report["figures"].as_array().expect("a list");
     assert_eq!(figures.len(), 4);
     for figure in figures {
         let svg = std::fs::read_to_string(figure.as_str().expect("a path")).expect("a file");
         assert!(svg.contains("</svg>") && !svg.contains("NaN"), "{figure}");
     }
+    let estimate = ["--preset", "turning"];
+    let said = fails(&[&["estimate", &flight][..], &estimate].concat(), 5);
+    // What the estimate doubts, its figures doubt too.
+    let other = ["--out", out, "--force"];
+    let message = fails(&[&["figures", &flight][..], &estimate, &other].concat(), 5);
+    let (doubt, _) = said.split_once(" help:").expect("a reason and a help");
+    assert!(message.contains(doubt), "{message}\n{said}");
+    let svg = std::fs::read_to_string(folder.path().join("figures/inputs.svg")).expect("a file");
+    assert!(svg.contains("(doubtful)"));
+    let message = fails(
+        &["figures", &flight, "--from", "500", "--out", out, "--force"],
+        2,
+    );
+    assert!(message.contains("between --from and --to"), "{message}");
     let message = fails(&["figures", &flight, "--snapshots", "0"], 2);
     assert!(message.contains("--snapshots of 1 to 40"), "{message}");
     let message = fails(&["view", &flight, "--out", &flight], 2);

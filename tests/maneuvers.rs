@@ -1,6 +1,6 @@
 //! The scripts perform the maneuvers that they are named after, flown by the default subject.
 
-use bodyflight_core::dynamics::muscle_input::MuscleForces;
+use bodyflight_core::dynamics::muscle_input::{FITTED_LEVER_ARMS, LEVER_ARMS, MuscleForces};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::math::wrap_angle;
 use bodyflight_core::observation::Observation;
@@ -12,19 +12,24 @@ use bodyflight_replay::subject::Subject;
 
 /// The channels of a maneuver, frame by frame, without noise and sway, flown with the paper's muscle forces.
 fn seen(name: &str) -> Vec<(f64, Observation<f64>)> {
-    flown(name, MuscleForces::Paper)
+    flown(name, MuscleForces::Paper, LEVER_ARMS)
+}
+
+/// The channels of a maneuver flown with the paper's forces as they fit its results.
+fn seen_as_fitted(name: &str) -> Vec<(f64, Observation<f64>)> {
+    flown(name, MuscleForces::Paper, FITTED_LEVER_ARMS)
 }
 
 /// The channels of a maneuver flown with moments alone, as by `synth`.
 fn seen_of_synth(name: &str) -> Vec<(f64, Observation<f64>)> {
-    flown(name, MuscleForces::Moment)
+    flown(name, MuscleForces::Moment, LEVER_ARMS)
 }
 
-fn flown(name: &str, forces: MuscleForces) -> Vec<(f64, Observation<f64>)> {
+fn flown(name: &str, forces: MuscleForces, arms: [f32; 4]) -> Vec<(f64, Observation<f64>)> {
     let subject = Subject::default();
     let mut flight = Flight::bare(std::path::Path::new(""));
     let maneuver = Maneuver::from_name(name).expect("a known maneuver");
-    flight.muscles = maneuver.muscles.with_forces(forces);
+    flight.muscles = maneuver.muscles.with_forces(forces).with_lever_arms(arms);
     let request = Request {
         maneuver,
         subject: &subject,
@@ -180,11 +185,40 @@ fn a_layout_ends_on_the_back_and_a_track_covers_ground() {
 }
 
 #[test]
+fn the_papers_track_reaches_its_speed_and_rolls_over_and_back() {
+    let seen = seen_as_fitted("paper-tracking");
+    for (time, belly) in [(20.0, true), (28.0, true), (38.0, false), (52.0, true)] {
+        let angles = at(&seen, time).angles;
+        assert_eq!(on_belly(at(&seen, time)), belly, "{time} s: {angles:?}");
+    }
+    // The paper: "its maximum at about 33 m/s" with a pitch input between 1 and 2.
+    let tracking = seen.iter().filter(|(time, _)| (10.0..28.0).contains(time));
+    let fastest = tracking
+        .map(|(_, o)| o.horizontal_speed)
+        .fold(0.0, f64::max);
+    println!("{fastest} m/s");
+    assert!((32.0..34.0).contains(&fastest), "{fastest} m/s");
+}
+
+#[test]
+fn the_papers_transitions_go_over_at_its_rates() {
+    let seen = seen_as_fitted("paper-transitions");
+    go_over_fourteen_times(&seen);
+    // The paper gives 7 rad/s as the amplitude of its flights.
+    let rate = largest(&seen, |o| o.angular_velocity.norm());
+    println!("{rate} rad/s");
+    assert!((6.0..9.0).contains(&rate), "{rate} rad/s");
+}
+
+#[test]
 fn fourteen_transitions_go_over_fourteen_times() {
-    let seen = seen_of_synth("fourteen-transitions");
+    go_over_fourteen_times(&seen_of_synth("fourteen-transitions"));
+}
+
+fn go_over_fourteen_times(seen: &[(f64, Observation<f64>)]) {
     for number in 0..14 {
         let end = 2.0 + 3.2 * f64::from(number + 1) - 0.05;
-        let o = at(&seen, end);
+        let o = at(seen, end);
         let belly = number % 2 == 1;
         assert_eq!(on_belly(o), belly, "{}: {:?}", number + 1, o.angles);
     }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_replay::flight::Flight;
+use bodyflight_replay::subject::Subject;
 use bodyflight_verbs::bifurcation::{self, growth_of_run, map, oscillation};
 
 /// Damping at which the oscillation neither grows nor decays, interpolated between no damping and a damping of one.
@@ -57,4 +58,26 @@ fn an_arched_body_is_still_at_small_damping_until_its_arms_go_down() {
     println!("arched: neutral {still:.3}, arms down {rocking:.3}");
     // Between the two thresholds, the pose behaves as in the paper at any damping.
     assert!(still + 0.03 < rocking);
+}
+
+/// Paper "Insight into the Aerodynamic Model": in clown shoes a skydiver is unstable. The model's neutral fall is not: the
+/// damping in pitch that it needs hardly depends on the shoes.
+#[test]
+fn larger_shoes_need_no_more_damping() {
+    let threshold = |size: f64| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("subject.toml");
+        let text = format!(
+            "height_m = 1.75\nmass_kg = 75\nsex = \"male\"\n[gear]\nshoe_size_eu = {size:.1}\n"
+        );
+        std::fs::write(&path, text).expect("a file");
+        let flight = Flight {
+            subject: Subject::read(&path).expect("a subject"),
+            ..Flight::bare(Path::new(""))
+        };
+        bifurcation::threshold(&flight.dynamics(0.0), 0.0, 0.0).expect("a damping that decides")
+    };
+    let [small, large, clown] = [36.0, 44.0, 52.0].map(threshold);
+    println!("shoes of size 36: {small:.3}, 44: {large:.3}, 52: {clown:.3}");
+    assert!(small > large && large > clown && small - clown < 0.03);
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use bodyflight_core::dynamics::muscle_input::FITTED_LEVER_ARMS;
 use bodyflight_core::estimator::preset::Preset;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
@@ -67,6 +68,37 @@ fn an_experiment_is_flown_reconstructed_and_reported() {
     }
     let problem = reproduce(&["loops".to_owned()], &out, &|| {}).expect_err("no such experiment");
     assert!(problem.with_causes().contains("loops"));
+}
+
+#[test]
+fn matched_turns_are_within_the_papers_accuracy() {
+    let what = ["aggressive-turns", "novice-turns"].map(str::to_owned);
+    let report = reproduce(&what, &folder("matched"), &|| {}).expect("a report");
+    let [turns, by_expert] = report.outcomes.as_slice() else {
+        panic!("two experiments: {report:?}");
+    };
+    println!("{turns:?}\n{by_expert:?}");
+    for (channel, accuracy) in [
+        (Channel::Roll, 0.15),
+        (Channel::Pitch, 0.15),
+        (Channel::YawRate, 0.15),
+        (Channel::AngularVelocity, 0.15),
+        (Channel::HorizontalVelocity, 0.45),
+        (Channel::VerticalVelocity, 1.5),
+    ] {
+        let gap = turns.matched.get(channel);
+        assert!(gap < accuracy, "{channel:?}: {gap}");
+    }
+    // It is the match that does it: the same filter misses the flight without the forces that it believes in.
+    assert!(turns.paper_filter.get(Channel::VerticalVelocity) > 10.0);
+    // Limbs matter too: those of an expert do not explain the turns of a novice.
+    assert!(by_expert.matched.get(Channel::AngularVelocity) > 0.5);
+    // The command of the report flies the same flight.
+    let text = std::fs::read_to_string(&report.report).expect("the report");
+    assert!(text.contains("--muscle-forces paper --lever-arms 2.8,1.2,1.8,2.2"));
+    let flight = folder("matched").join("flights/aggressive-turns-matched/flight.toml");
+    let muscles = Flight::read(&flight).expect("a flight").muscles;
+    assert!(muscles.lever_arms.iter().eq(&FITTED_LEVER_ARMS));
 }
 
 #[test]

@@ -63,7 +63,7 @@ fn tables_fit_a_terminal() {
         &["estimate", &flight, "--preset", "turning"],
         &["estimate", "--presets"],
         &["sensitivity", &flight],
-        &["sensitivity", &flight, "--estimate", "turning"],
+        &["sensitivity", &flight, "--preset", "turning"],
         &["trim"],
         &["compare", &one, &three],
         &["technique", &one],

@@ -13,6 +13,7 @@ mod tidy {
     pub(crate) mod lengths;
     pub(crate) mod methods;
     pub(crate) mod modules;
+    pub(crate) mod paper;
 }
 
 use std::collections::BTreeMap;

@@ -5,6 +5,7 @@
 //! input.
 
 mod base;
+mod paper;
 pub mod scripts;
 pub mod skill;
 pub mod transitions;

@@ -10,7 +10,7 @@ use bodyflight_core::Segment;
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::body::posture::{Posture, joint_rotation};
 use bodyflight_core::dynamics::free_run::{Equations, FreeRun};
-use bodyflight_core::dynamics::muscle_input::MuscleForces;
+use bodyflight_core::dynamics::muscle_input::{MuscleForces, MuscleModel};
 use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::trim::trim;
 use bodyflight_core::dynamics::{Dynamics, Motion};
@@ -79,25 +79,44 @@ pub fn synthesize(
     folder: &Path,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Report> {
-    synthesize_with(request, None, folder, progress)
+    synthesize_with(request, Additions::default(), folder, progress)
 }
 
-/// Same as [`synthesize`], with the bytes of a sensor at the pelvis in `imu.bin`.
+/// What a flight may have besides what its [`Request`] asks for.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Additions<'a> {
+    /// A sensor at the pelvis, whose bytes go into `imu.bin`.
+    pub sensor: Option<&'a SensorBytes>,
+    /// What muscle input causes besides its moments.
+    pub muscle_forces: MuscleForces,
+    /// Lever arms of these forces as shares of the stature, instead of those of a body.
+    pub lever_arms: Option<[f32; 4]>,
+}
+
+/// Same as [`synthesize`], with additions.
 ///
 /// # Errors
 /// Same as [`synthesize`].
 pub fn synthesize_with(
     request: &Request<'_>,
-    sensor: Option<&SensorBytes>,
+    additions: Additions<'_>,
     folder: &Path,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Report> {
+    let Additions {
+        sensor,
+        muscle_forces,
+        lever_arms,
+    } = additions;
     request.check()?;
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
     let mut flight = Flight::bare(&folder.join("flight.mvnx"));
     flight.subject = request.subject.clone();
     flight.density = DensityChoice::Constant(request.density);
-    flight.muscles = request.maneuver.muscles.with_forces(MuscleForces::Moment);
+    flight.muscles = request.maneuver.muscles.with_forces(muscle_forces);
+    if let Some(arms) = lever_arms {
+        flight.muscles = flight.muscles.with_lever_arms(arms);
+    }
     let still = flight.dynamics(START_HEIGHT);
     let mut tunnel = request.tunnel.then(|| Tunnel::new(neutral_speed(&still)));
     if let Some(tunnel) = tunnel {
@@ -137,7 +156,10 @@ pub fn synthesize_with(
     write_inputs(request.maneuver, &folder.join("inputs.csv"))?;
     request.subject.write_in(folder)?;
     let path = folder.join("flight.toml");
-    write_file(&path, flight_toml(request, tunnel.as_ref()).as_bytes())?;
+    write_file(
+        &path,
+        flight_toml(request, &flight.muscles, tunnel.as_ref()).as_bytes(),
+    )?;
     #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
     let duration_s = frames.saturating_sub(1) as f64 / FRAME_RATE;
     Ok(Report {
@@ -372,7 +394,7 @@ fn write_inputs(maneuver: &Maneuver, path: &Path) -> Result<()> {
     file.finish()
 }
 
-fn flight_toml(request: &Request<'_>, tunnel: Option<&Tunnel>) -> String {
+fn flight_toml(request: &Request<'_>, muscles: &MuscleModel, tunnel: Option<&Tunnel>) -> String {
     let mut text = String::new();
     // Writing to a String cannot fail.
     let _ = writeln!(
@@ -384,8 +406,14 @@ fn flight_toml(request: &Request<'_>, tunnel: Option<&Tunnel>) -> String {
     text.push_str(
         "recording = \"flight.mvnx\"\nsubject = \"subject.toml\"\ninputs = \"inputs.csv\"\n",
     );
-    let muscles = request.maneuver.muscles.name();
-    let _ = writeln!(text, "muscles = \"{muscles}\"");
+    let _ = writeln!(text, "muscles = \"{}\"", muscles.name());
+    if muscles.forces != MuscleForces::default() {
+        let _ = writeln!(text, "muscle_forces = \"{}\"", muscles.forces.name());
+    }
+    let unchanged = request.maneuver.muscles.with_forces(muscles.forces);
+    if *muscles != unchanged {
+        let _ = writeln!(text, "lever_arms = {:?}", muscles.lever_arms);
+    }
     let _ = writeln!(text, "\n[air]\ndensity = {}", request.density);
     if let Some(tunnel) = tunnel {
         let _ = writeln!(text, "velocity = [0.0, 0.0, {}]", tunnel.stream_mps);

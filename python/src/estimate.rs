@@ -81,16 +81,7 @@ pub(crate) fn estimate(
     precision: &str,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Estimation> {
-    let request = Request {
-        tuning: Tuning::find(preset).map_err(raise)?,
-        method: method_of(method)?,
-        filter: match filter {
-            None => None,
-            Some("paper") => Some(Filter::Paper),
-            Some("reduced") => Some(Filter::Reduced),
-            Some(name) => return Err(unknown("filter", name, &["paper", "reduced"])),
-        },
-    };
+    let request = request(preset, method, filter)?;
     let precision = precision_of(precision)?;
     let found = long(py, progress, |progress| {
         request.run(&flight.inner, flight.options, precision, &mut |time| {
@@ -119,6 +110,20 @@ pub(crate) fn estimate(
         doubt: found.report.doubt.clone(),
         report: dictionary(py, &found.report)?,
         inner: found,
+    })
+}
+
+/// The request with these names.
+pub(crate) fn request(preset: &str, method: &str, filter: Option<&str>) -> PyResult<Request> {
+    Ok(Request {
+        tuning: Tuning::find(preset).map_err(raise)?,
+        method: method_of(method)?,
+        filter: match filter {
+            None => None,
+            Some("paper") => Some(Filter::Paper),
+            Some("reduced") => Some(Filter::Reduced),
+            Some(name) => return Err(unknown("filter", name, &["paper", "reduced"])),
+        },
     })
 }
 

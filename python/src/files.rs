@@ -2,8 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use bodyflight_core::estimator::preset::{PRESETS, Preset};
-use bodyflight_estimation::Filter;
 use bodyflight_io::destination;
 use bodyflight_io::diagnostic::{Kind, Problem};
 use bodyflight_io::files::write_file;
@@ -11,6 +9,7 @@ use bodyflight_mocap::mapping::Mapping;
 use bodyflight_mocap::systems::is_of_another_system;
 use bodyflight_replay::flight::name_of;
 use bodyflight_replay::model_file::Effects;
+use bodyflight_replay::preset_file::AUTO;
 use bodyflight_tracks::{self as tracks, folder};
 use bodyflight_verbs::fall::answer::Answer;
 use bodyflight_verbs::fall::{Conditions, DEFAULT_MASS, Stated, logbook};
@@ -25,7 +24,7 @@ use bodyflight_verbs::{
 };
 use pyo3::prelude::*;
 
-use crate::estimate::method_of;
+use crate::estimate::request;
 use crate::flight::Flight;
 use crate::long::long;
 use crate::problem::{dictionary, raise, unknown, value, warn_of_doubt};
@@ -176,12 +175,13 @@ fn view_named(name: &String) -> PyResult<View> {
 /// Draws the figures of a paper into the folder `out`: reconstruction, inputs, path over ground, and a row of bodies. Returns
 /// their paths.
 ///
-/// `preset` is one of the paper's; `views` are one or several of "front", "side" and "top", `formats` of "svg", "pdf" and "png";
+/// `preset`, `method` and `filter` are those of `estimate`; `between` are two times (s), either of which may be None, outside of
+/// which nothing is drawn. Issues a DoubtWarning if the estimate should not be trusted. `views` are one or several of "front", "side" and "top", `formats` of "svg", "pdf" and "png";
 /// `title` is by default the flight's name.
 #[pyfunction]
 #[pyo3(
-    signature = (flight, out, *, preset = "tracking", filter = "reduced", snapshots = 6, views = Several::One("side".to_owned()), formats = Several::One("svg".to_owned()), title = None, force = false, progress = None),
-    text_signature = "(flight, out, *, preset='tracking', filter='reduced', snapshots=6, views='side', formats='svg', title=None, force=False, progress=None)"
+    signature = (flight, out, *, preset = "auto", method = "filter", filter = None, between = (None, None), snapshots = 6, views = Several::One("side".to_owned()), formats = Several::One("svg".to_owned()), title = None, force = false, progress = None),
+    text_signature = "(flight, out, *, preset='auto', method='filter', filter=None, between=(None, None), snapshots=6, views='side', formats='svg', title=None, force=False, progress=None)"
 )]
 #[expect(clippy::too_many_arguments, reason = "one for each option")]
 pub(crate) fn figures(
@@ -189,7 +189,9 @@ pub(crate) fn figures(
     flight: Flight,
     out: PathBuf,
     preset: &str,
-    filter: &str,
+    method: &str,
+    filter: Option<&str>,
+    between: (Option<f64>, Option<f64>),
     snapshots: usize,
     views: Several<String>,
     formats: Several<String>,
@@ -197,7 +199,6 @@ pub(crate) fn figures(
     force: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<PathBuf>> {
-    let known: Vec<&'static str> = PRESETS.iter().map(|preset| preset.name).collect();
     if !(1..=40).contains(&snapshots) {
         let problem = Problem::bad_input(format!("expected 1 to 40, found {snapshots}"));
         return Err(raise(problem.at("snapshots")));
@@ -209,12 +210,8 @@ pub(crate) fn figures(
         found.ok_or_else(|| unknown("format", name, &Format::ALL.map(Format::extension)))
     };
     let settings = drawn::Settings {
-        preset: Preset::from_name(preset).ok_or_else(|| unknown("preset", preset, &known))?,
-        filter: match filter {
-            "paper" => Filter::Paper,
-            "reduced" => Filter::Reduced,
-            _ => return Err(unknown("filter", filter, &["paper", "reduced"])),
-        },
+        request: request(preset, method, filter)?,
+        between: [between.0, between.1],
         snapshots,
         views: views
             .all()
@@ -227,7 +224,7 @@ pub(crate) fn figures(
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     destination::check_in(&out, &names, force).map_err(raise)?;
     let title = title.unwrap_or_else(|| name_of(&flight.inner.recording));
-    long(py, progress, |progress| {
+    let written = long(py, progress, |progress| {
         let progress = &mut |time| progress(time);
         drawn::write(
             &flight.inner,
@@ -237,7 +234,9 @@ pub(crate) fn figures(
             &out,
             progress,
         )
-    })
+    })?;
+    warn_of_doubt(py, written.doubt.as_deref())?;
+    Ok(written.figures)
 }
 
 /// Writes a page that replays flights, with body, plots and forces, to the file `out`. Returns its path, its size in bytes and
@@ -266,7 +265,8 @@ pub(crate) fn view(
     let title = name_of(&first.inner.recording);
     let effects = model.as_deref().map(Effects::read).transpose();
     let effects = effects.map_err(raise)?;
-    let method = estimates.map(method_of).transpose()?;
+    let estimates = estimates.map(|method| request(AUTO, method, None));
+    let estimates = estimates.transpose()?;
     let discovery = discovery.map(value).transpose()?;
     destination::check([&out], force).map_err(raise)?;
     let (bytes, runs, doubt) = long(py, progress, |progress| {
@@ -276,8 +276,8 @@ pub(crate) fn view(
             let (inner, options) = (&flight.inner, flight.options);
             let name = name_of(&inner.recording);
             let mut run = fly(&name, inner, options, progress)?;
-            if let Some(method) = method {
-                run.estimated = Some(estimated(inner, method, options, progress)?);
+            if let Some(request) = &estimates {
+                run.estimated = Some(estimated(inner, request, options, progress)?);
             }
             runs.push(run);
             if let Some(effects) = &effects {

@@ -76,8 +76,8 @@ def test_motion_of_another_system_becomes_a_flight(tmp_path, program):
 
 
 def test_figures_are_those_of_the_program(turn, program, tmp_path):
-    program("figures", turn, "--preset", "turning", "--out", tmp_path / "theirs", "--title", "turn")
-    drawn = bodyflight.figures(bodyflight.Flight(turn), tmp_path / "ours", preset="turning", title="turn")
+    program("figures", turn, "--from", "1", "--to", "3", "--out", tmp_path / "theirs", "--title", "turn")
+    drawn = bodyflight.figures(bodyflight.Flight(turn), tmp_path / "ours", between=(1, 3), title="turn")
     assert len(drawn) == 4
     for path in drawn:
         assert path.read_bytes() == (tmp_path / "theirs" / path.name).read_bytes()

@@ -101,6 +101,7 @@ struct FlightFile {
     gnss: Option<PathBuf>,
     muscles: Option<String>,
     muscle_forces: Option<MuscleForcesName>,
+    lever_arms: Option<[f32; 4]>,
     equations: Option<EquationsName>,
     #[serde(default)]
     air: AirTable,
@@ -257,7 +258,7 @@ impl Flight {
                 None | Some(EquationsName::Exact) => Equations::Exact,
                 Some(EquationsName::AsPublished) => Equations::AsPublished,
             },
-            muscles: muscles.with_forces(forces),
+            muscles: file.with_lever_arms(muscles.with_forces(forces))?,
             inputs: match &file.inputs {
                 Some(inputs) => Some(InputHistory::read(&folder.join(inputs))?),
                 None => None,
@@ -308,6 +309,28 @@ impl Flight {
             muscles: self.muscles,
             gravity: bodyflight_core::air::GRAVITY,
         }
+    }
+}
+
+impl FlightFile {
+    /// The limbs with the file's lever arms, if it gives any.
+    fn with_lever_arms(&self, muscles: MuscleModel) -> Result<MuscleModel> {
+        let Some(arms) = self.lever_arms else {
+            return Ok(muscles);
+        };
+        let at = |message: String| Problem::bad_input(message).at("field lever_arms");
+        if muscles.forces == MuscleForces::Moment {
+            return Err(at(
+                "expected muscle_forces = \"paper\" beside lever arms, which only these forces have"
+                    .to_owned(),
+            ));
+        }
+        if arms.iter().any(|arm| !(0.01..=1000.0).contains(arm)) {
+            return Err(at(format!(
+                "expected four shares of the stature from 0.01 to 1000, found {arms:?}"
+            )));
+        }
+        Ok(muscles.with_lever_arms(arms))
     }
 }
 
@@ -369,6 +392,16 @@ mod tests {
     }
 
     #[test]
+    fn lever_arms_are_those_of_the_file() {
+        let arms = [2.8, 1.2, 1.8, 2.2];
+        let text =
+            format!("recording = \"a.mvnx\"\nmuscle_forces = \"paper\"\nlever_arms = {arms:?}");
+        let muscles = parse(&text).unwrap().muscles;
+        assert_eq!(muscles, muscle_input::BACK_TRACKING.with_lever_arms(arms));
+        assert_eq!(muscles.name(), "back-tracking");
+    }
+
+    #[test]
     fn altitude_is_that_of_the_first_frame() {
         let flight = parse("recording = \"a.mvnx\"\n[air]\naltitude_m = 3800").unwrap();
         let dynamics = flight.dynamics(100.0);
@@ -408,6 +441,14 @@ mod tests {
                 ["tolerance.mass", "0"],
             ),
             ("recording = \"a\"\nmuscles = \"tail\"", ["muscles", "tail"]),
+            (
+                "recording = \"a\"\nlever_arms = [1.0, 1.0, 1.0, 1.0]",
+                ["lever_arms", "muscle_forces"],
+            ),
+            (
+                "recording = \"a\"\nmuscle_forces = \"paper\"\nlever_arms = [0.0, 1.0, 1.0, 1.0]",
+                ["lever_arms", "0.0, 1.0"],
+            ),
             (
                 "recording = \"a\"\nsbject = \"b\"",
                 ["flight.toml:2", "sbject"],

@@ -331,7 +331,9 @@ impl InputHistory {
             return *flight;
         };
         let muscles = row.muscles.unwrap_or(*flight);
-        muscles.with_forces(row.muscle_forces.unwrap_or(flight.forces))
+        muscles
+            .with_forces(row.muscle_forces.unwrap_or(flight.forces))
+            .with_lever_arms(flight.lever_arms)
     }
 }
 

@@ -6,7 +6,7 @@ mod top_view;
 
 use std::path::{Path, PathBuf};
 
-use bodyflight_core::estimator::preset::Preset;
+use bodyflight_core::estimator::measurement::Quantity;
 
 use crate::estimate::input_panels;
 use crate::output::bodies::View;
@@ -14,14 +14,15 @@ use crate::output::figure::{Format, write_figure};
 use crate::output::plot::{ESTIMATED, Panel, figure_svg, measured_curve, row_svg, simulated_curve};
 use crate::view::run::fly_series;
 use crate::view::shape::shapes;
-use bodyflight_estimation::windows::estimate;
-use bodyflight_estimation::{Estimation, Filter};
+use bodyflight_estimation::Estimation;
+use bodyflight_estimation::request::Request;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::comparison::Channel;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::input_history::InputHistory;
+use bodyflight_replay::preset_file::Tuning;
 
 const RECONSTRUCTION: &str = "reconstruction";
 const INPUTS: &str = "inputs";
@@ -40,10 +41,10 @@ pub fn files(formats: &[Format]) -> Vec<String> {
 /// How to draw a flight.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// Preset of the filter; what it measures also decides what is shown.
-    pub preset: &'static Preset,
-    /// The filter to use.
-    pub filter: Filter,
+    /// How to estimate the inputs; what the preset measures also decides what is shown.
+    pub request: Request,
+    /// Times that are drawn (s); the whole flight is estimated all the same.
+    pub between: [Option<f64>; 2],
     /// Number of bodies in a row of snapshots.
     pub snapshots: usize,
     /// Views of the snapshots, a row for each.
@@ -52,10 +53,20 @@ pub struct Settings {
     pub formats: Vec<Format>,
 }
 
+/// The figures of a flight.
+#[derive(Debug, Clone)]
+pub struct Written {
+    /// Their paths.
+    pub figures: Vec<PathBuf>,
+    /// Why the estimate that they show should not be trusted; their titles say so too.
+    pub doubt: Option<String>,
+}
+
 /// Writes reconstruction, inputs, top view and snapshots into `folder`, and returns their paths.
 ///
 /// # Errors
-/// Same as [`estimate`], and an error if the recording is doubtful or the folder cannot be written to.
+/// Same as [`Request::run`], and an error if the recording is doubtful, nothing happens between the times, or the folder
+/// cannot be written to.
 pub fn write(
     flight: &Flight,
     title: &str,
@@ -63,22 +74,16 @@ pub fn write(
     options: Options,
     folder: &Path,
     progress: &mut dyn FnMut(f64),
-) -> Result<Vec<PathBuf>> {
+) -> Result<Written> {
     for format in &settings.formats {
         format.available()?;
     }
-    let preset = settings.preset;
-    let estimation = estimate(
-        flight,
-        preset,
-        settings.filter,
-        options,
-        Precision::Double,
-        progress,
-    )?;
-    if let Some(doubt) =
-        (estimation.report.doubt.as_ref()).filter(|_| estimation.report.is_recording_doubtful)
-    {
+    let tuning = &settings.request.tuning;
+    let mut estimation = settings
+        .request
+        .run(flight, options, Precision::Double, progress)?;
+    let doubt = estimation.report.doubt.clone();
+    if let Some(doubt) = (doubt.as_ref()).filter(|_| estimation.report.is_recording_doubtful) {
         return Err(Problem::doubt(doubt.clone())
             .help("no figure was drawn; bodyflight inspect says what the recording contains"));
     }
@@ -88,13 +93,42 @@ pub fn write(
         Some(_) => flight.clone(),
         None => Flight {
             inputs: Some(InputHistory::new(rows.collect())),
-            muscles: preset.muscles,
+            muscles: match tuning {
+                Tuning::Windows(preset) => preset.muscles,
+                Tuning::Motion { .. } => flight.muscles,
+            },
             ..flight.clone()
         },
     };
-    let series = fly_series(&flown, options, progress)?.series;
+    let [from, to] = settings.between;
+    let [from, to] = [
+        from.unwrap_or(f64::NEG_INFINITY),
+        to.unwrap_or(f64::INFINITY),
+    ];
+    let shown = from..=to;
+    let series = fly_series(&flown, options, progress)?
+        .series
+        .between(from, to);
+    estimation
+        .points
+        .retain(|point| shown.contains(&point.time));
+    if estimation.points.is_empty() || series.rows() == 0 {
+        return Err(
+            Problem::bad_input("the flight has nothing to draw between --from and --to")
+                .in_file(&flight.recording)
+                .help("give times within the flight, which bodyflight inspect lists"),
+        );
+    }
+    let title = &match &doubt {
+        Some(_) => format!("{title} (doubtful)").trim_start().to_owned(),
+        None => title.to_owned(),
+    };
+    let mut panels = reconstruction(tuning, &estimation);
+    for curve in panels.iter_mut().flat_map(|panel| &mut panel.curves) {
+        curve.points.retain(|(time, _)| shown.contains(time));
+    }
     let figures = [
-        (RECONSTRUCTION, reconstruction(title, preset, &estimation)?),
+        (RECONSTRUCTION, figure_svg(title, &panels)?),
         (INPUTS, row_svg(title, &input_panels(&estimation))?),
         (TOP_VIEW, top_view::svg(title, &series)?),
         (
@@ -117,18 +151,25 @@ pub fn write(
             written.push(path);
         }
     }
-    Ok(written)
+    Ok(Written {
+        figures: written,
+        doubt,
+    })
 }
 
-/// Measured and reconstructed channels, those that suit the preset.
-fn reconstruction(title: &str, preset: &Preset, estimation: &Estimation) -> Result<String> {
-    let turning = preset.name.contains("turn");
-    let channels = if turning {
-        [Channel::YawRate, Channel::Pitch, Channel::Roll]
-    } else {
-        [Channel::HorizontalVelocity, Channel::Pitch, Channel::Roll]
+/// Measured and reconstructed channels: those that the preset measures, or all that the paper's figures show.
+fn reconstruction(tuning: &Tuning, estimation: &Estimation) -> Vec<Panel> {
+    use Channel::{HorizontalVelocity, Pitch, Roll, YawRate};
+    let channels: &[Channel] = match tuning {
+        Tuning::Motion { .. } => &[HorizontalVelocity, YawRate, Pitch, Roll],
+        Tuning::Windows(preset)
+            if (preset.measurement.quantities()).any(|q| q == Quantity::YawRate) =>
+        {
+            &[YawRate, Pitch, Roll]
+        }
+        Tuning::Windows(_) => &[HorizontalVelocity, Pitch, Roll],
     };
-    let panels = channels.map(|channel| {
+    let panel = |&channel: &Channel| {
         let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
         let gap = factor * estimation.report.rms.get(channel);
         Panel {
@@ -140,6 +181,6 @@ fn reconstruction(title: &str, preset: &Preset, estimation: &Estimation) -> Resu
             bands: Vec::new(),
             wraps: channel.is_angle(),
         }
-    });
-    figure_svg(title, &panels)
+    };
+    channels.iter().map(panel).collect()
 }

@@ -3,8 +3,12 @@
 //! The paper recorded people; here the model flies scripts of the same maneuvers, with the paper's sensor noise. So a
 //! report shows what the method recovers if the model is right, not that the model is right about people: for that, use
 //! `bodyflight validate`, and `simulate` on recordings.
+//!
+//! Each experiment is flown twice: with muscle moments alone, which is the program's model, and matched, with the paper's
+//! muscle forces, which is the model that the paper's filter has.
 
 pub mod experiments;
+mod matched;
 pub mod report;
 
 use std::path::{Path, PathBuf};
@@ -24,7 +28,7 @@ use bodyflight_estimation::windows::estimate;
 use bodyflight_estimation::{Filter, motion};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
-use bodyflight_laboratory::synthesize::{self, DEFAULT_SWAY, JointError, Request};
+use bodyflight_laboratory::synthesize::{self, Additions, DEFAULT_SWAY, JointError, Request};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::{DEFAULT_DENSITY, Flight};
@@ -48,17 +52,28 @@ pub struct Report {
 /// Parts of a report that are not flights.
 pub const PARTS: [&str; 3] = ["poses", "oscillation-map", "sensitivity"];
 
+/// Parts that take minutes.
+pub const LONG_PARTS: [&str; 2] = ["levers", "settings"];
+
 /// Names of all experiments and other parts.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    EXPERIMENTS.iter().map(|e| e.name).chain(PARTS)
+    EXPERIMENTS
+        .iter()
+        .map(|e| e.name)
+        .chain(PARTS)
+        .chain(LONG_PARTS)
 }
 
-/// Whether an experiment or part is asked for: if none is named, all are.
+/// Whether an experiment or part is asked for: if none is named, all are but those that take minutes.
 pub fn is_wanted(what: &[String], name: &str) -> bool {
-    what.is_empty() || what.iter().any(|asked| asked == name)
+    if what.is_empty() {
+        !LONG_PARTS.contains(&name)
+    } else {
+        what.iter().any(|asked| asked == name)
+    }
 }
 
-/// Flies and reconstructs the named experiments, or all if none is named, and writes `report.md`, figures and flights
+/// Flies and reconstructs the named experiments, or what [`is_wanted`] if none is named, and writes `report.md`, figures and flights
 /// into `folder`. `progress` is called once for each experiment and part that is wanted.
 ///
 /// # Errors
@@ -108,14 +123,29 @@ fn parts(wanted: impl Fn(&str) -> bool, folder: &Path, progress: &dyn Fn()) -> R
     done("oscillation-map");
     let sensitivity = wanted("sensitivity").then(|| vary(folder)).transpose()?;
     done("sensitivity");
+    let levers = wanted("levers")
+        .then(|| matched::levers(folder))
+        .transpose()?;
+    done("levers");
+    let settings = wanted("settings")
+        .then(|| matched::settings(folder))
+        .transpose()?;
+    done("settings");
     Ok(Parts {
         poses,
         map,
         sensitivity,
+        levers,
+        settings,
     })
 }
 
-fn fly(maneuver: &str, tunnel: bool, folder: &Path) -> Result<synthesize::Report> {
+fn fly(
+    maneuver: &str,
+    tunnel: bool,
+    additions: Additions<'_>,
+    folder: &Path,
+) -> Result<synthesize::Report> {
     let maneuver = Maneuver::from_name(maneuver)
         .ok_or_else(|| Problem::internal(format!("there is no maneuver {maneuver}")))?;
     let request = Request {
@@ -128,7 +158,7 @@ fn fly(maneuver: &str, tunnel: bool, folder: &Path) -> Result<synthesize::Report
         sway: DEFAULT_SWAY,
         tunnel,
     };
-    synthesize::synthesize(&request, folder, &mut |_| {})
+    synthesize::synthesize_with(&request, additions, folder, &mut |_| {})
 }
 
 fn preset(name: &str) -> Result<&'static Preset> {
@@ -137,7 +167,8 @@ fn preset(name: &str) -> Result<&'static Preset> {
 
 /// Varies each parameter by 30 % in the turns of an experienced skydiver, and draws the result.
 fn vary(folder: &Path) -> Result<sensitivity::Report> {
-    let flown = fly("rotations", false, &folder.join("flights/sensitivity"))?;
+    let at = folder.join("flights/sensitivity");
+    let flown = fly("rotations", false, Additions::default(), &at)?;
     let flight = Flight::read(&flown.flight)?;
     let preset = preset("turning-experienced")?;
     let found = sensitivity(&flight, 0.3, Some(preset), Options::default(), &mut || {})?;
@@ -149,7 +180,8 @@ fn vary(folder: &Path) -> Result<sensitivity::Report> {
 fn run(experiment: &Experiment, folder: &Path) -> Result<Outcome> {
     let preset = preset(experiment.preset)?;
     let flights = folder.join("flights").join(experiment.name);
-    let flown = fly(experiment.maneuver, experiment.tunnel, &flights)?;
+    let additions = Additions::default();
+    let flown = fly(experiment.maneuver, experiment.tunnel, additions, &flights)?;
     // The reconstruction does not know the inputs that were flown.
     let flight = Flight {
         inputs: None,
@@ -173,6 +205,7 @@ fn run(experiment: &Experiment, folder: &Path) -> Result<Outcome> {
         method: Method::Filter,
     };
     let by_motion = motion::estimate(&flight, &settings, options, Precision::Double, &mut |_| {})?;
+    let (matched_amplitude, matched) = matched::run(experiment, &by_paper, folder)?;
     let figure = PathBuf::from(format!("{}.svg", experiment.name));
     let svg = svg(&by_paper, experiment.title)?;
     write_file(&folder.join(&figure), svg.as_bytes())?;
@@ -183,6 +216,8 @@ fn run(experiment: &Experiment, folder: &Path) -> Result<Outcome> {
         constant: by_paper.report.rms_constant,
         paper_filter: by_paper.report.rms,
         motion_filter: by_motion.report.rms,
+        matched_amplitude,
+        matched,
         tunnel: flown.tunnel,
         figure,
     })

@@ -95,7 +95,12 @@ impl MuscleForces {
     }
 }
 
-const LEVER_ARMS: [f32; 4] = [0.28, 0.12, 0.18, 0.22];
+/// Lever arms l_1 to l_4 of a body, as shares of the stature, see [`MuscleModel::lever_arms`].
+pub const LEVER_ARMS: [f32; 4] = [0.28, 0.12, 0.18, 0.22];
+
+/// Lever arms that fit the results of the paper: ten times those of a body. With shorter ones the paper's filter, given
+/// flights of its own model, misses the paper's accuracy in the vertical velocity, see docs/reproduction/report.md.
+pub const FITTED_LEVER_ARMS: [f32; 4] = [2.8, 1.2, 1.8, 2.2];
 
 const HIPS: Limbs = Limbs::of(&[Segment::LeftThigh, Segment::RightThigh]);
 const LEGS: Limbs = Limbs::of(&[Segment::LeftShank, Segment::RightShank]);
@@ -270,7 +275,12 @@ impl MuscleModel {
     pub fn name(&self) -> &'static str {
         let mut models = MODELS.into_iter();
         models
-            .find(|(_, known)| known.with_forces(self.forces) == *self)
+            .find(|(_, known)| {
+                known
+                    .with_forces(self.forces)
+                    .with_lever_arms(self.lever_arms)
+                    == *self
+            })
             .map_or("", |(name, _)| name)
     }
 
@@ -292,6 +302,13 @@ impl MuscleModel {
     #[must_use]
     pub const fn with_forces(mut self, forces: MuscleForces) -> Self {
         self.forces = forces;
+        self
+    }
+
+    /// Returns the same limbs with other lever arms l_1 to l_4, as shares of the stature.
+    #[must_use]
+    pub const fn with_lever_arms(mut self, lever_arms: [f32; 4]) -> Self {
+        self.lever_arms = lever_arms;
         self
     }
 

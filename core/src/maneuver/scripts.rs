@@ -1,8 +1,9 @@
 //! The maneuver scripts.
 
 use super::base::{BELLY, about};
+use super::paper::PAPER_TRACKING;
 use super::skill::{ROLL_OSCILLATION, RW_SUIT_TURNS};
-use super::transitions::FOURTEEN_TRANSITIONS;
+use super::transitions::{FOURTEEN_TRANSITIONS, PAPER_TRANSITIONS};
 use super::{Knots, Maneuver, Track};
 use crate::aerodynamics::BELLY_TURN_DAMPING;
 use crate::body::Segment;
@@ -364,6 +365,8 @@ pub const MANEUVERS: &[Maneuver] = &[
     FOURTEEN_TRANSITIONS,
     RW_SUIT_TURNS,
     ROLL_OSCILLATION,
+    PAPER_TRACKING,
+    PAPER_TRANSITIONS,
 ];
 
 impl Maneuver {

@@ -17,7 +17,7 @@ const EVERY: f64 = 3.2;
 /// Rise and fall time of a pulse (s).
 const RISE: f64 = 0.3;
 
-/// How the body goes over: the amounts of the patterns in [`TRACKS`] (rad) and the inputs.
+/// How the body goes over: the amounts of the patterns in [`BRISK_TRACKS`] (rad) and the inputs.
 #[derive(Clone, Copy)]
 struct Way {
     joints: [f64; 5],
@@ -105,19 +105,66 @@ pub enum Transition {
     FailedLayout,
 }
 
-impl Transition {
-    const fn way(self) -> Way {
-        match self {
-            Self::BackFlip => BACK_FLIP,
-            Self::FrontLoop => FRONT_LOOP,
-            Self::Layout => LAYOUT,
-            Self::FrontFlip => FRONT_FLIP,
-            Self::RollToBelly => ROLL_TO_BELLY,
-            Self::RollToBack => ROLL_TO_BACK,
-            Self::FailedLayout => FAILED_LAYOUT,
-        }
-    }
-}
+/// One way for each [`Transition`], in the order of its variants.
+type Ways = [Way; 7];
+
+/// With moments alone, at up to 14 rad/s.
+const BRISK: Ways = [
+    BACK_FLIP,
+    FRONT_LOOP,
+    LAYOUT,
+    FRONT_FLIP,
+    ROLL_TO_BELLY,
+    ROLL_TO_BACK,
+    FAILED_LAYOUT,
+];
+
+/// With the paper's muscle forces and [fitted lever arms](crate::dynamics::muscle_input::FITTED_LEVER_ARMS), at up to
+/// 8 rad/s; the paper's flights had 7. Found by the same search, for the default subject.
+const GENTLE: Ways = [
+    way(
+        [-1.179, 1.534, 0.0, -0.095, -0.136],
+        [0.1, 0.0],
+        [0.189, 3.565, 6.094],
+        1.018,
+    ),
+    way(
+        [-0.543, -0.1, 0.0, -0.253, 1.097],
+        [1.729, 0.0],
+        [0.334, 3.608, 7.183],
+        1.093,
+    ),
+    way(
+        [-0.131, 0.73, 0.0, 0.794, 0.543],
+        [2.433, 0.0],
+        [0.558, 2.888, 7.015],
+        0.507,
+    ),
+    way(
+        [-0.482, -0.808, 0.0, -0.697, 0.183],
+        [0.0, 0.0],
+        [1.942, 3.242, 5.484],
+        1.036,
+    ),
+    way(
+        [0.0, 0.0, -1.014, 0.0, 0.0],
+        [0.0, 3.461],
+        [2.385, 3.607, 1.423],
+        0.394,
+    ),
+    way(
+        [0.0, 0.0, -1.16, 0.0, 0.0],
+        [0.0, 3.12],
+        [3.0, 3.0, 0.2],
+        0.46,
+    ),
+    way(
+        [-0.176, 0.265, 1.222, 0.112, 0.157],
+        [1.013, 2.878],
+        [-0.083, -0.189, 0.835],
+        0.753,
+    ),
+];
 
 /// The paper's order, starting belly to earth.
 pub const ORDER: [Transition; 14] = {
@@ -147,11 +194,11 @@ const fn begin(number: usize) -> f64 {
 }
 
 /// Knots of a joint's pulses; `which` (0 to 4) selects the pattern.
-const fn joint(which: usize) -> [(f64, f64); 56] {
+const fn joint(ways: &Ways, which: usize) -> [(f64, f64); 56] {
     let mut knots = [(0.0, 0.0); 56];
     let mut k = 0;
     while k < ORDER.len() {
-        let (from, way) = (begin(k), ORDER[k].way());
+        let (from, way) = (begin(k), ways[ORDER[k] as usize]);
         let until = from + RISE + way.hold;
         knots[4 * k] = (from, 0.0);
         knots[4 * k + 1] = (from + RISE, way.joints[which]);
@@ -163,11 +210,15 @@ const fn joint(which: usize) -> [(f64, f64); 56] {
 }
 
 /// Knots of muscle input or damping, with the value `rest` between the pulses.
-const fn inputs(damping: bool, rest: AxisCoefficients<f64>) -> [(f64, AxisCoefficients<f64>); 56] {
+const fn inputs(
+    ways: &Ways,
+    damping: bool,
+    rest: AxisCoefficients<f64>,
+) -> [(f64, AxisCoefficients<f64>); 56] {
     let mut knots = [(0.0, rest); 56];
     let mut k = 0;
     while k < ORDER.len() {
-        let (from, way) = (begin(k), ORDER[k].way());
+        let (from, way) = (begin(k), ways[ORDER[k] as usize]);
         let until = from + RISE + way.hold;
         let value = if damping { way.damping } else { way.muscle };
         knots[4 * k] = (from, rest);
@@ -214,22 +265,44 @@ const fn track(pattern: &'static JointAngles, amount: &'static [(f64, f64)]) -> 
     Track { pattern, amount }
 }
 
-const TRACKS: &[Track] = &[
+const BRISK_TRACKS: &[Track] = &[
     track(TO_BACK, &const { on_back() }),
-    track(ARMS_UP, &const { joint(0) }),
-    track(HIPS_BENT, &const { joint(1) }),
-    track(DRAW_IN_LEFT, &const { joint(2) }),
-    track(DRAW_IN, &const { joint(3) }),
-    track(STRETCH, &const { joint(4) }),
+    track(ARMS_UP, &const { joint(&BRISK, 0) }),
+    track(HIPS_BENT, &const { joint(&BRISK, 1) }),
+    track(DRAW_IN_LEFT, &const { joint(&BRISK, 2) }),
+    track(DRAW_IN, &const { joint(&BRISK, 3) }),
+    track(STRETCH, &const { joint(&BRISK, 4) }),
 ];
+
+const GENTLE_TRACKS: &[Track] = &[
+    track(TO_BACK, &const { on_back() }),
+    track(ARMS_UP, &const { joint(&GENTLE, 0) }),
+    track(HIPS_BENT, &const { joint(&GENTLE, 1) }),
+    track(DRAW_IN_LEFT, &const { joint(&GENTLE, 2) }),
+    track(DRAW_IN, &const { joint(&GENTLE, 3) }),
+    track(STRETCH, &const { joint(&GENTLE, 4) }),
+];
+
+/// Damping between the pulses.
+const RELAXED: AxisCoefficients<f64> = about(6.0, 3.0, 8.0);
 
 /// The paper's fourteen transitions in one flight of 48 s that starts and ends belly to earth.
 pub const FOURTEEN_TRANSITIONS: Maneuver = Maneuver {
     name: "fourteen-transitions",
     summary: "the paper's order of flips, loops, rolls and layouts, one of which fails",
     duration: 48.0,
-    tracks: TRACKS,
-    muscle: &const { inputs(false, about(0.0, 0.0, 0.0)) },
-    damping: &const { inputs(true, about(6.0, 3.0, 8.0)) },
+    tracks: BRISK_TRACKS,
+    muscle: &const { inputs(&BRISK, false, about(0.0, 0.0, 0.0)) },
+    damping: &const { inputs(&BRISK, true, RELAXED) },
     ..BELLY
+};
+
+/// The same at the rates of the paper's flights, and with its muscle forces.
+pub const PAPER_TRANSITIONS: Maneuver = Maneuver {
+    name: "paper-transitions",
+    summary: "the same fourteen at the paper's rates of rotation, for flights with its muscle forces",
+    tracks: GENTLE_TRACKS,
+    muscle: &const { inputs(&GENTLE, false, about(0.0, 0.0, 0.0)) },
+    damping: &const { inputs(&GENTLE, true, RELAXED) },
+    ..FOURTEEN_TRANSITIONS
 };

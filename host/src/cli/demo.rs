@@ -6,7 +6,7 @@ use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
-use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, FILES, JointError, Request};
+use bodyflight_laboratory::synthesize::{Additions, DEFAULT_SWAY, FILES, JointError, Request};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::Flight;
@@ -50,7 +50,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     for names in [FILES, &["run.csv", "run.svg"]] {
         args.outputs.check_in(&args.out, names)?;
     }
-    let written = synth::write(&request, None, &args.out)?;
+    let written = synth::write(&request, Additions::default(), &args.out)?;
     let flight = Flight::read(&written.flight)?;
     let (csv, svg) = (args.out.join("run.csv"), args.out.join("run.svg"));
     let mut file = RunFile::create(&csv)?;

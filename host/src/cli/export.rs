@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use bodyflight_estimation::motion::Method;
 use bodyflight_io::destination::ending;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::{Flight, name_of};
 use bodyflight_replay::model_file::Effects;
 use bodyflight_verbs::export::{Format, Report, export};
 
+use super::estimate::MethodName;
 use super::outputs::Outputs;
 use super::simulate::Reading;
 use super::terminal::{self, FlightBar};
@@ -21,7 +21,7 @@ use super::terminal::{self, FlightBar};
                   Exit code 5: the file was written, but recording or estimates cannot be trusted.\n\n\
                   Examples:\n  bodyflight export flight.toml --format parquet\n  \
                   bodyflight export flight.toml --out run.mcap\n  \
-                  bodyflight export flight.toml --out run.npz --estimates smooth"
+                  bodyflight export flight.toml --out run.npz --estimates --method smooth"
 )]
 pub(super) struct Args {
     /// A flight.toml, or an MVNX file on its own.
@@ -32,9 +32,12 @@ pub(super) struct Args {
     /// File to write; by default named after the flight, in the current folder.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Add estimated inputs and their deviations: filtered forward as on the unit, or smoothed over the flight.
-    #[arg(long, value_enum, value_name = "METHOD", num_args = 0..=1, default_missing_value = "filter")]
-    estimates: Option<MethodName>,
+    /// Add estimated inputs and their deviations.
+    #[arg(long)]
+    estimates: bool,
+    /// Filter forward in time as on the unit, or smooth the whole flight.
+    #[arg(long, value_enum, requires = "estimates", default_value = "filter")]
+    method: MethodName,
     /// Effects to add to the model: a model.toml.
     #[arg(long, value_name = "TOML")]
     model: Option<PathBuf>,
@@ -54,14 +57,6 @@ enum FormatName {
     Mcap,
     /// Arrays, for NumPy.
     Npz,
-}
-
-#[derive(clap::ValueEnum, Clone, Copy)]
-enum MethodName {
-    /// Forward in time, as on the unit.
-    Filter,
-    /// The whole flight at once.
-    Smooth,
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
@@ -92,10 +87,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             (path, format)
         }
     };
-    let estimates = args.estimates.map(|name| match name {
-        MethodName::Filter => Method::Filter,
-        MethodName::Smooth => Method::Smooth,
-    });
+    let estimates = args.estimates.then(|| args.method.method());
     let bar = FlightBar::new("exporting", &flight);
     let mut progress = |time: f64| bar.at(time);
     let options = args.reading.options();

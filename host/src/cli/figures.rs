@@ -2,14 +2,16 @@
 
 use std::path::PathBuf;
 
+use bodyflight_estimation::request::Request;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::{Flight, name_of};
-use bodyflight_verbs::figures::{Settings, files, write};
+use bodyflight_replay::preset_file::{AUTO, Tuning};
+use bodyflight_verbs::figures::{self, Settings, files, write};
 use bodyflight_verbs::output::bodies::{FRONT, SIDE, TOP, View};
 use bodyflight_verbs::output::figure::Format;
 use serde::Serialize;
 
-use super::arguments::Names;
+use super::arguments::{Names, window};
 use super::outputs::Outputs;
 use super::simulate::Reading;
 use super::terminal::FlightBar;
@@ -18,18 +20,29 @@ use super::{estimate, terminal};
 /// Draw the figures of a paper: reconstruction, inputs, path over ground and snapshots, as SVG, PDF or PNG.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Exit code 5: no figure was drawn, because the recording cannot be trusted.\n\nExample: bodyflight figures flight.toml --preset turning --format pdf --out figures\n\n\
-                  Presets as in `bodyflight estimate --help`; those for turning show the yaw rate, others the horizontal velocity."
+    after_help = "Exit code 5: the recording cannot be trusted, and no figure was drawn; or the estimate cannot, as `bodyflight estimate` \
+                  judges it, and the titles say so.\n\nExamples:\n  bodyflight figures flight.toml --format pdf --out figures\n  \
+                  bodyflight figures flight.toml --preset turning --from 0.5 --to 1.5\n\n\
+                  Presets and methods as in `bodyflight estimate --help`. Presets of the paper show what they measure."
 )]
 pub(super) struct Args {
     /// A flight.toml, or an MVNX file on its own; 240 frames a second.
     flight: PathBuf,
-    /// A built-in preset: which quantities are measured, which limbs act, bounds and noise.
-    #[arg(long, default_value = "tracking", value_parser = Names(estimate::window_presets), hide_possible_values = true)]
+    /// A built-in preset or a preset.toml: how the inputs are estimated.
+    #[arg(long, default_value = AUTO, value_parser = Names(estimate::presets), hide_possible_values = true)]
     preset: String,
-    /// Model inside the filter.
-    #[arg(long, value_enum, default_value = "reduced")]
-    filter: estimate::FilterName,
+    /// Filter forward in time as on the unit, or smooth the whole flight.
+    #[arg(long, value_enum, default_value = "filter")]
+    method: estimate::MethodName,
+    /// Model inside the filter; by default the full one with "auto", the reduced one with other presets.
+    #[arg(long, value_enum)]
+    filter: Option<estimate::FilterName>,
+    /// Draw from this time on; the whole flight is estimated all the same.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    from: Option<f64>,
+    /// Draw up to this time.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    to: Option<f64>,
     /// Number of bodies in a row of snapshots.
     #[arg(long, default_value_t = 6)]
     snapshots: usize,
@@ -103,9 +116,14 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             args.snapshots
         )));
     }
+    window(args.from, args.to)?;
     let settings = Settings {
-        preset: estimate::preset(&args.preset)?,
-        filter: args.filter.filter(),
+        request: Request {
+            tuning: Tuning::find(&args.preset)?,
+            method: args.method.method(),
+            filter: args.filter.map(estimate::FilterName::filter),
+        },
+        between: [args.from, args.to],
         snapshots: args.snapshots,
         views: args.views.iter().map(|name| name.view()).collect(),
         formats: args.format.iter().map(|name| name.format()).collect(),
@@ -129,12 +147,18 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         },
     );
     bar.end();
-    let figures = figures?;
+    let figures::Written { figures, doubt } = figures?;
     if json {
-        return terminal::print_json(&Written { figures });
+        terminal::print_json(&Written { figures })?;
+    } else {
+        for path in figures {
+            terminal::print(&format!("written: {}", path.display()));
+        }
     }
-    for path in figures {
-        terminal::print(&format!("written: {}", path.display()));
+    match doubt {
+        None => Ok(()),
+        Some(doubt) => Err(Problem::doubt(doubt)
+            .in_file(&args.flight)
+            .help("the figures were written, and their titles say that they are doubtful")),
     }
-    Ok(())
 }

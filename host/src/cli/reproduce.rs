@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use bodyflight_io::diagnostic::Result;
 use bodyflight_verbs::reproduce::experiments::EXPERIMENTS;
-use bodyflight_verbs::reproduce::{PARTS, is_wanted, names, reproduce};
+use bodyflight_verbs::reproduce::{LONG_PARTS, PARTS, is_wanted, names, reproduce};
 
 use super::arguments::Names;
 use super::outputs::Outputs;
@@ -14,9 +14,12 @@ use super::terminal;
 #[derive(clap::Args)]
 #[command(after_help = experiments_help())]
 pub(super) struct Args {
-    /// Experiments to run; by default all of them.
+    /// Experiments to run; by default all but the parts that take minutes.
     #[arg(value_parser = Names(|| names().collect()), hide_possible_values = true)]
     what: Vec<String>,
+    /// Run everything, also the parts that take minutes.
+    #[arg(long, conflicts_with = "what")]
+    all: bool,
     /// Folder for report.md, figures and flights; created if absent.
     #[arg(long, value_name = "FOLDER", default_value = "reproduction")]
     out: PathBuf,
@@ -30,17 +33,23 @@ fn experiments_help() -> String {
         .map(|e| format!("  {:30} {}\n", e.name, e.title))
         .collect::<String>();
     format!(
-        "Experiments:\n{list}  {}\n\nExample: bodyflight reproduce vertical --out reproduction",
-        PARTS.join("\n  ")
+        "Experiments:\n{list}  {}\nMinutes each:\n  {}\n\nExample: bodyflight reproduce vertical --out reproduction",
+        PARTS.join("\n  "),
+        LONG_PARTS.join("\n  ")
     )
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     args.outputs.check_in(&args.out, &["report.md"])?;
-    let wanted = |name: &&str| is_wanted(&args.what, name);
+    let what = if args.all {
+        names().map(str::to_owned).collect()
+    } else {
+        args.what.clone()
+    };
+    let wanted = |name: &&str| is_wanted(&what, name);
     let count = names().filter(wanted).count();
     let bar = terminal::bar(count as u64, "experiments");
-    let report = reproduce(&args.what, &args.out, &|| bar.inc(1));
+    let report = reproduce(&what, &args.out, &|| bar.inc(1));
     bar.finish_and_clear();
     let report = report?;
     if json {

@@ -14,7 +14,7 @@ use super::{estimate, simulate, terminal};
 /// Change each parameter of the model and show how much that changes the motion from the same postures.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  bodyflight sensitivity flight.toml\n  \
-                  bodyflight sensitivity flight.toml --estimate turning   (re-estimates the inputs each time)\n\n\
+                  bodyflight sensitivity flight.toml --preset turning   (re-estimates the inputs each time)\n\n\
                   Changes are root mean squares over the flight, in per cent of the channel's largest size.")]
 pub(super) struct Args {
     /// A flight.toml.
@@ -25,7 +25,7 @@ pub(super) struct Args {
     /// Also re-estimate the inputs with this preset of the paper's filter, and compare how well the flight is
     /// reconstructed.
     #[arg(long, value_name = "PRESET", value_parser = Names(estimate::window_presets), hide_possible_values = true)]
-    estimate: Option<String>,
+    preset: Option<String>,
     #[command(flatten)]
     plot: Plot,
     #[command(flatten)]
@@ -41,7 +41,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             args.share
         )));
     }
-    let preset = args.estimate.as_deref().map(estimate::preset).transpose()?;
+    let preset = args.preset.as_deref().map(estimate::preset).transpose()?;
     let flight = Flight::read(&args.flight)?;
     args.outputs.check_with([], &args.plot)?;
     let bar = terminal::bar(2 * Parameter::ALL.len() as u64, "variations");

@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use bodyflight_core::dynamics::muscle_input::MuscleForces;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_laboratory::sensor_bytes::SensorBytes;
 use bodyflight_laboratory::synthesize::{
-    DEFAULT_SWAY, FILES, JointError, Report, Request, synthesize_with,
+    Additions, DEFAULT_SWAY, FILES, JointError, Report, Request, synthesize_with,
 };
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_replay::subject::Subject;
@@ -45,6 +46,13 @@ pub(super) struct Args {
     /// The same for errors that wander at 0.08 to 0.5 Hz.
     #[arg(long, default_value_t = 0.0, value_name = "DEG")]
     joint_wander_deg: f64,
+    /// What muscle input causes besides its moments: nothing, or the forces of the paper's equation (eq1_1).
+    #[arg(long, value_enum, value_name = "FORCES", default_value_t = ForcesName::Moment)]
+    muscle_forces: ForcesName,
+    /// Lever arms l1 to l4 of the paper's forces, as shares of the stature, instead of those of a body: longer ones make
+    /// the forces smaller.
+    #[arg(long, value_name = "L1,L2,L3,L4", value_delimiter = ',')]
+    lever_arms: Vec<f32>,
     #[command(flatten)]
     outputs: Outputs,
     /// Fly in a wind tunnel whose airflow carries the neutral pose; reports when the body would touch net, wall or top.
@@ -54,6 +62,24 @@ pub(super) struct Args {
     /// `stream --sensor`.
     #[arg(long)]
     imu: bool,
+}
+
+/// Effects of muscle input by name, as in a flight.toml.
+#[derive(clap::ValueEnum, Clone, Copy)]
+enum ForcesName {
+    /// Nothing.
+    Moment,
+    /// The moments divided by lever arms.
+    Paper,
+}
+
+impl ForcesName {
+    const fn forces(self) -> MuscleForces {
+        match self {
+            Self::Moment => MuscleForces::Moment,
+            Self::Paper => MuscleForces::Paper,
+        }
+    }
 }
 
 fn maneuvers_help() -> String {
@@ -92,7 +118,12 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         seed: args.seed,
         ..SensorBytes::TYPICAL
     });
-    let report = write(&request, sensor.as_ref(), &args.out)?;
+    let additions = Additions {
+        sensor: sensor.as_ref(),
+        muscle_forces: args.muscle_forces.forces(),
+        lever_arms: lever_arms(args)?,
+    };
+    let report = write(&request, additions, &args.out)?;
     if json {
         return terminal::print_json(&report);
     }
@@ -108,14 +139,35 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     Ok(())
 }
 
-/// Writes a synthetic flight, with the bytes of a sensor if one is given, and shows a progress bar.
+/// The lever arms, if any are given.
+fn lever_arms(args: &Args) -> Result<Option<[f32; 4]>> {
+    if args.lever_arms.is_empty() {
+        return Ok(None);
+    }
+    if matches!(args.muscle_forces, ForcesName::Moment) {
+        return Err(Problem::bad_input(
+            "--lever-arms needs --muscle-forces paper: moments alone have no lever arms",
+        ));
+    }
+    let arms = <[f32; 4]>::try_from(args.lever_arms.as_slice()).ok();
+    arms.filter(|arms| arms.iter().all(|arm| (0.01..=1000.0).contains(arm)))
+        .map(Some)
+        .ok_or_else(|| {
+            Problem::bad_input(format!(
+                "expected --lever-arms with four shares of the stature from 0.01 to 1000, found {:?}",
+                args.lever_arms
+            ))
+        })
+}
+
+/// Writes a synthetic flight, and shows a progress bar.
 pub(super) fn write(
     request: &Request<'_>,
-    sensor: Option<&SensorBytes>,
+    additions: Additions<'_>,
     folder: &Path,
 ) -> Result<Report> {
     let bar = terminal::share_bar("flying");
-    let report = synthesize_with(request, sensor, folder, &mut |time| {
+    let report = synthesize_with(request, additions, folder, &mut |time| {
         terminal::set_share(&bar, time / request.maneuver.duration);
     });
     bar.finish_and_clear();

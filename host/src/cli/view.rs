@@ -4,6 +4,7 @@ mod track;
 
 use std::path::{Path, PathBuf};
 
+use bodyflight_estimation::request::Request;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::files::write_file;
@@ -11,6 +12,7 @@ use bodyflight_io::input;
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::flight::{Flight, name_of};
 use bodyflight_replay::model_file::Effects;
+use bodyflight_replay::preset_file::{AUTO, Tuning};
 use bodyflight_verbs::fall::DEFAULT_MASS;
 use bodyflight_verbs::view::estimated::estimated;
 use bodyflight_verbs::view::page::{PageData, Provenance, html};
@@ -18,7 +20,8 @@ use bodyflight_verbs::view::run::{Run, fly};
 use serde::Serialize;
 use serde_json::Value;
 
-use super::estimate::MethodName;
+use super::arguments::Names;
+use super::estimate::{MethodName, presets};
 use super::fall::UnitsName;
 use super::outputs::Outputs;
 use super::several::file_of;
@@ -33,7 +36,7 @@ use super::terminal::{self, FlightBar};
                   bodyflight view turn-1 turn-2 --estimate\n  \
                   bodyflight view flight.toml --model found/model.toml --discovery found/report.json\n\n\
                   bodyflight view TRACK.CSV --units kmh\n  bodyflight view CARD --out logbook.html\n\n\
-                  Exit code 5: the page was written, but a recording contradicts itself.\n\n\
+                  Exit code 5: the page was written, but a recording contradicts itself, or an estimate cannot be trusted.\n\n\
                   With --model, a second run with the effects is shown beside the plain one. Of a logger's tracks, or a folder \
                   of them, the page has figures, map, height, speed and drag area."
 )]
@@ -50,10 +53,15 @@ pub(super) struct Args {
     /// The report.json of bodyflight discover, to show beside the flights.
     #[arg(long, value_name = "JSON")]
     discovery: Option<PathBuf>,
-    /// Estimate muscle input and damping, and show them with bands of two standard deviations; =smooth smooths over the
-    /// whole flight.
-    #[arg(long, value_enum, value_name = "METHOD", num_args = 0..=1, require_equals = true, default_missing_value = "filter")]
-    estimate: Option<MethodName>,
+    /// Estimate muscle input and damping, and show them with bands of two standard deviations.
+    #[arg(long)]
+    estimate: bool,
+    /// A built-in preset or a preset.toml, as in `estimate`.
+    #[arg(long, default_value = AUTO, requires = "estimate", value_parser = Names(presets), hide_possible_values = true)]
+    preset: String,
+    /// Filter forward in time as on the unit, or smooth the whole flight.
+    #[arg(long, value_enum, requires = "estimate", default_value = "filter")]
+    method: MethodName,
     /// Units of the page about tracks.
     #[arg(long, value_enum, default_value_t = UnitsName::Si)]
     units: UnitsName,
@@ -79,7 +87,7 @@ pub(super) struct Written {
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let (html, runs, doubt) = if track::are_tracks(&args.flights) {
-        if args.model.is_some() || args.discovery.is_some() || args.estimate.is_some() {
+        if args.model.is_some() || args.discovery.is_some() || args.estimate {
             return Err(Problem::bad_input(
                 "--model, --discovery and --estimate need flights with postures, and these are tracks",
             ));
@@ -89,10 +97,13 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         (html, runs, None)
     } else {
         let page = page(args)?;
-        let doubt = page
-            .runs
-            .iter()
-            .find_map(|run| Some((run.name.clone(), run.doubt.clone()?)));
+        let doubt = page.runs.iter().find_map(|run| {
+            let estimate = run
+                .estimated
+                .as_ref()
+                .and_then(|found| found.doubt.as_ref());
+            Some((run.name.clone(), run.doubt.as_ref().or(estimate)?.clone()))
+        });
         (html(&page)?, page.runs.len(), doubt)
     };
     write_file(&args.out, html.as_bytes())?;
@@ -139,6 +150,16 @@ fn page(args: &Args) -> Result<PageData> {
         .map(|path| Ok((path, Flight::read(path)?)))
         .collect::<Result<Vec<_>>>()?;
     let discovery = args.discovery.as_deref().map(report).transpose()?;
+    let request = args
+        .estimate
+        .then(|| {
+            Ok(Request {
+                tuning: Tuning::find(&args.preset)?,
+                method: args.method.method(),
+                filter: None,
+            })
+        })
+        .transpose()?;
     args.outputs.check_as(Some(&args.out), "html")?;
     for (path, mut flight) in flights {
         files.push(file_of(path));
@@ -147,9 +168,9 @@ fn page(args: &Args) -> Result<PageData> {
         }
         let name = name_of(path);
         let mut run = flown(&name, &flight, options)?;
-        if let Some(method) = args.estimate {
+        if let Some(request) = &request {
             let bar = FlightBar::new("estimating", &flight);
-            let found = estimated(&flight, method.method(), options, &mut |time| bar.at(time));
+            let found = estimated(&flight, request, options, &mut |time| bar.at(time));
             bar.end();
             run.estimated = Some(found?);
         }

@@ -3,14 +3,12 @@
 use serde::Serialize;
 
 use super::series::{Packed, RATE, Series};
-use bodyflight_estimation::motion::Method;
 use bodyflight_estimation::report::Point;
 use bodyflight_estimation::request::Request;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::Flight;
-use bodyflight_replay::preset_file::{AUTO, Tuning};
 
 /// The columns: muscle input and damping, each in pitch, yaw and roll, and their standard deviations.
 const COLUMNS: [(&str, usize, f64); 3] = [
@@ -29,21 +27,16 @@ pub struct Estimated {
     pub doubt: Option<String>,
 }
 
-/// Estimates a flight's inputs from everything that its recording contains.
+/// Estimates a flight's inputs as requested.
 ///
 /// # Errors
 /// Same as [`Request::run`].
 pub fn estimated(
     flight: &Flight,
-    method: Method,
+    request: &Request,
     options: Options,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Estimated> {
-    let request = Request {
-        tuning: Tuning::find(AUTO)?,
-        method,
-        filter: None,
-    };
     let estimation = request.run(flight, options, Precision::Double, progress)?;
     Ok(Estimated {
         series: series(&estimation.points).packed(),
@@ -72,6 +65,8 @@ mod tests {
     use super::*;
     use bodyflight_core::maneuver::Maneuver;
     use bodyflight_core::sensor_noise::SensorNoise;
+    use bodyflight_estimation::motion::Method;
+    use bodyflight_replay::preset_file::{AUTO, Tuning};
 
     use bodyflight_laboratory::synthesize::{self, DEFAULT_SWAY, JointError, synthesize};
     use bodyflight_replay::subject::Subject;

@@ -79,6 +79,32 @@ impl Series {
         self.rows
     }
 
+    /// The rows whose time is from `from` to `to` (s), by the column `time_s`.
+    #[must_use]
+    pub fn between(&self, from: f64, to: f64) -> Self {
+        let kept: Vec<usize> = match self.column("time_s") {
+            [times] => (0..self.rows)
+                .filter(|&row| {
+                    times
+                        .get(row)
+                        .is_some_and(|time| (from..=to).contains(time))
+                })
+                .collect(),
+            _ => Vec::new(),
+        };
+        let of = |numbers: &Vec<f64>| {
+            kept.iter()
+                .filter_map(|&row| numbers.get(row))
+                .copied()
+                .collect()
+        };
+        Self {
+            columns: self.columns.clone(),
+            numbers: self.numbers.iter().map(of).collect(),
+            rows: kept.len(),
+        }
+    }
+
     /// The numbers of a column, one list for each; empty if there is no such column.
     pub fn column(&self, name: &str) -> &[Vec<f64>] {
         let mut from = 0;
@@ -136,6 +162,18 @@ mod tests {
     use flate2::read::GzDecoder;
     use proptest::prelude::*;
     use std::io::Read;
+
+    #[test]
+    fn rows_between_two_times_are_kept() {
+        let mut series = Series::new(&[("time_s", 1, 0.1), ("x", 2, 0.1)]);
+        for row in 0..5 {
+            series.push([f64::from(row), 1.0, f64::from(10 * row)]);
+        }
+        let kept = series.between(1.0, 2.5);
+        assert_eq!(kept.rows(), 2);
+        assert_eq!(kept.column("x")[1], [10.0, 20.0]);
+        assert_eq!(series.between(9.0, 10.0).rows(), 0);
+    }
 
     /// Decodes the series as the page does.
     fn unpacked(packed: &Packed) -> Vec<Vec<f64>> {
