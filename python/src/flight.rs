@@ -1,6 +1,6 @@
 //! Flights, the recordings in them, and synthetic ones.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bodyflight_core::Segment;
 use bodyflight_core::dynamics::free_run::Equations;
@@ -216,6 +216,11 @@ impl Flight {
 }
 
 impl Flight {
+    /// The file or folder that it was made of.
+    pub(crate) fn path(&self) -> &Path {
+        &self.asked.path
+    }
+
     /// Returns the flight with the start of this name.
     pub(crate) fn starting(&self, start: &str) -> PyResult<flight::Flight> {
         let mut inner = self.inner.clone();
