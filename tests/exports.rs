@@ -175,7 +175,17 @@ fn a_body_moves_in_foxglove_as_the_table_says() {
         assert!(is_near(*time, table["time_s"][row], 1e-8));
         for (name, value) in message.as_object().unwrap() {
             let (found, wanted) = (told(value), table[name][row]);
-            assert!(is_near(found, wanted, 1e-15), "{name}: {found}");
+            // Places and times are exact, other numbers are in 32 bits.
+            let is_wide = name.ends_with("_m") || name == "time_s";
+            let rounded = if is_wide {
+                0.0
+            } else {
+                f64::from(f32::EPSILON)
+            };
+            assert!(
+                is_near(found, wanted, wanted.abs() * rounded),
+                "{name}: {found}"
+            );
         }
     }
     assert_eq!(topics["/flight"].len(), frames);

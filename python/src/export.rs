@@ -38,7 +38,7 @@ pub(crate) fn export(
     destination::check([&out], force).map_err(raise)?;
     let mut arguments = vec![
         "bodyflight.export".to_owned(),
-        flight.path().display().to_string(),
+        flight.asked_path().display().to_string(),
         out.display().to_string(),
     ];
     arguments.extend(estimates.map(|method| format!("estimates={method}")));

@@ -6,7 +6,7 @@
 //! | `/simulated/pose`, `/measured/pose` | `foxglove.PoseInFrame`: the pose of the pelvis | 60 Hz |
 //! | `/body` | `foxglove.SceneUpdate`: the solids of both bodies, each in the frame of its segment | once |
 //! | `/forces` | `foxglove.SceneUpdate`: the aerodynamic force on each segment as an arrow, 1 m per 100 N | 30 Hz |
-//! | `/flight` | `bodyflight.Body`: all numbers of the body, by column name | every frame |
+//! | `/flight` | `bodyflight.Body`: all numbers of the body, by column name; times and places in 64 bits, others in 32 | every frame |
 //! | `/segments` | `bodyflight.Segments`: all numbers of each segment that are not poses, in 32 bits | every frame |
 //!
 //! What is drawn comes at the rate of a screen: the last digits of numbers are noise, which no compression makes smaller.
@@ -25,6 +25,7 @@ use crate::about::{About, PROGRAM};
 use crate::columns::quantity::{Of, Quantity, Sink};
 use crate::mcap::{ChannelId, McapFile};
 use crate::protobuf::Message;
+use crate::protobuf::descriptor::Kind;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::AtomicFile;
 use nalgebra::UnitQuaternion;
@@ -130,7 +131,7 @@ pub struct McapRecording {
     sides: Vec<Side>,
     channels: Channels,
     places: Places,
-    of_body: Vec<Columns>,
+    of_body: Vec<(Columns, Kind)>,
     of_segments: Vec<Columns>,
     has_body: bool,
     next_poses: Timer,
@@ -235,7 +236,7 @@ impl McapRecording {
                 centres: place(quantities, Of::Segments, "cg", 3)?,
             },
             of_body: of_body
-                .map(|(from, quantity)| (from, quantity.width()))
+                .map(|(from, quantity)| ((from, quantity.width()), schemas::kind_of(quantity)))
                 .collect(),
             of_segments: listed
                 .into_iter()
@@ -365,9 +366,15 @@ impl McapRecording {
     fn write_numbers(&mut self, row: &[f64], time: Duration) -> Result<()> {
         let columns = |(from, width): Columns| row.get(from..from + width).unwrap_or_default();
         let mut body = Message::default();
-        let numbers = self.of_body.iter().flat_map(|place| columns(*place));
-        for (field, number) in (1..).zip(numbers) {
-            body.double(field, *number);
+        let numbers = self.of_body.iter().flat_map(|(place, kind)| {
+            let numbers = columns(*place).iter();
+            numbers.map(move |number| (*kind, *number))
+        });
+        for (field, (kind, number)) in (1..).zip(numbers) {
+            match kind {
+                Kind::Double => body.double(field, number),
+                _ => body.float(field, number),
+            }
         }
         let mut segments = Message::default();
         for (segment, place) in (0..Segment::ALL.len()).zip(1..) {

@@ -1,7 +1,7 @@
 //! The schemas of the messages. Foxglove and Rerun recognise Foxglove's schemas by name; they are the published ones, field
 //! by field (`python/tests/test_exports.py` compares them).
 
-use crate::columns::quantity::{Of, Quantity};
+use crate::columns::quantity::{Of, Quantity, Unit};
 use crate::protobuf::descriptor::{Field, File, Kind, Type, described};
 use bodyflight_core::Segment;
 
@@ -296,9 +296,17 @@ pub fn scene_update() -> Schema {
     published("foxglove.SceneUpdate")
 }
 
+/// How the numbers of a quantity are stored. Times and places of the body need 64 bits: 32 would show in steps of a quarter of
+/// a millimetre at 4000 m. Nothing else is known as precisely.
+pub fn kind_of(quantity: &Quantity) -> Kind {
+    let is_wide = quantity.of == Of::Body && [Unit::SECOND, Unit::METRE].contains(&quantity.unit);
+    if is_wide { Double } else { Kind::Float }
+}
+
 /// Fields for the columns of the quantities, without the segment, with units and meanings.
-fn fields<'a>(quantities: impl Iterator<Item = &'a Quantity>, kind: Kind) -> Vec<Field> {
+fn fields<'a>(quantities: impl Iterator<Item = &'a Quantity>) -> Vec<Field> {
     let fields = quantities.flat_map(|quantity| {
+        let kind = kind_of(quantity);
         let meaning = format!("{} ({})", quantity.meaning, quantity.unit.symbol);
         let tails = quantity.tails().into_iter();
         tails.map(move |name| Field {
@@ -336,13 +344,13 @@ fn plain(name: &str, fields: Vec<Field>) -> Type {
 /// The schema for all quantities of the body.
 pub fn of_body(quantities: &[Quantity]) -> Schema {
     let of_body = quantities.iter().filter(|quantity| quantity.of == Of::Body);
-    let body = plain("Body", fields(of_body, Double));
+    let body = plain("Body", fields(of_body));
     own("bodyflight.Body", vec![body])
 }
 
 /// The schema for all quantities of each segment, by segment name.
 pub fn of_segments(quantities: &[&Quantity]) -> Schema {
-    let segment = plain("Segment", fields(quantities.iter().copied(), Kind::Float));
+    let segment = plain("Segment", fields(quantities.iter().copied()));
     let segments = Segment::ALL.map(|each| Field {
         name: each.name().to_owned(),
         kind: Kind::Of("bodyflight.Segment"),
