@@ -2,9 +2,15 @@
 #![expect(clippy::unwrap_used, reason = "tests may panic: that is how they fail")]
 
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::Path;
 
 use bodyflight_tests::program::{Program, number, plain};
+use lz4_flex::frame::FrameDecoder;
+use mcap::records::Record;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use parquet::file::reader::FileReader;
+use prost_reflect::{DescriptorPool, DynamicMessage, SerializeOptions};
 use serde_json::Value;
 
 const PROGRAM: Program = Program(env!("CARGO_BIN_EXE_bodyflight"));
@@ -77,20 +83,79 @@ fn a_table_agrees_with_simulate_and_the_air_carries_the_weight() {
     );
 }
 
-/// Messages of a topic as JSON, with their times (s).
-fn messages(bytes: &[u8], topic: &str) -> Vec<(f64, Value)> {
-    let all = mcap::MessageStream::new(bytes).unwrap();
-    let messages = all.map(|message| message.unwrap());
-    let of_topic = messages.filter(|message| message.channel.topic == topic);
-    let read = |message: mcap::Message<'_>| {
-        assert_eq!(message.channel.message_encoding, "json");
-        let schema = message.channel.schema.clone().unwrap();
-        assert_eq!(schema.encoding, "jsonschema");
-        serde_json::from_slice::<Value>(&schema.data).unwrap();
-        let time = message.log_time as f64 * 1e-9;
-        (time, serde_json::from_slice(&message.data).unwrap())
-    };
-    of_topic.map(read).collect()
+/// A message of a topic: its time (s), and its fields as JSON.
+type Told = (f64, Value);
+
+/// The messages of a file by topic, read by the descriptions in the file alone.
+fn messages(bytes: &[u8]) -> BTreeMap<String, Vec<Told>> {
+    let summary = mcap::Summary::read(bytes).unwrap().unwrap();
+    let stated = summary.stats.as_ref().unwrap().message_count;
+    let mut topics: BTreeMap<String, Vec<Told>> = BTreeMap::new();
+    let mut types = BTreeMap::new();
+    for (id, channel) in &summary.channels {
+        assert_eq!(channel.message_encoding, "protobuf");
+        let schema = channel.schema.as_ref().unwrap();
+        assert_eq!(schema.encoding, "protobuf");
+        let pool = DescriptorPool::decode(schema.data.as_ref()).unwrap();
+        let of = pool.get_message_by_name(&schema.name).unwrap();
+        types.insert(*id, (channel.topic.clone(), of));
+    }
+    let as_is = SerializeOptions::new()
+        .use_proto_field_name(true)
+        .skip_default_fields(false);
+    for record in mcap::read::LinearReader::new(bytes).unwrap() {
+        let Record::Chunk { mut header, data } = record.unwrap() else {
+            continue;
+        };
+        // The reader decompresses by C libraries only, so it gets the chunk without compression; it checks the sums.
+        assert_eq!(header.compression, "lz4");
+        let mut plain = Vec::new();
+        FrameDecoder::new(&data[..])
+            .read_to_end(&mut plain)
+            .unwrap();
+        header.compression.clear();
+        header.compressed_size = header.uncompressed_size;
+        for record in mcap::read::ChunkReader::new(header, &plain).unwrap() {
+            let Record::Message { header, data } = record.unwrap() else {
+                continue;
+            };
+            let (topic, of) = &types[&header.channel_id];
+            let message = DynamicMessage::decode(of.clone(), data.as_ref()).unwrap();
+            assert_eq!(message.unknown_fields().count(), 0, "{topic}");
+            let json = message
+                .serialize_with_options(serde_json::value::Serializer, &as_is)
+                .unwrap();
+            let topic = topics.entry(topic.clone()).or_default();
+            assert_eq!(header.sequence as usize, topic.len());
+            topic.push((header.log_time as f64 * 1e-9, json));
+        }
+    }
+    let found: usize = topics.values().map(Vec::len).sum();
+    assert_eq!(found as u64, stated);
+    topics
+}
+
+/// A number of a message; missing ones are NaN.
+fn told(value: &Value) -> f64 {
+    value.as_f64().unwrap_or(f64::NAN)
+}
+
+/// The pose of each frame in the world, by its name.
+fn in_world(transforms: &Value) -> BTreeMap<String, Isometry3<f64>> {
+    let mut poses = BTreeMap::from([("world".to_owned(), Isometry3::identity())]);
+    for transform in transforms["transforms"].as_array().unwrap() {
+        let [x, y, z] = ["x", "y", "z"].map(|axis| told(&transform["translation"][axis]));
+        let turn = ["w", "x", "y", "z"].map(|axis| told(&transform["rotation"][axis]));
+        let turn = Quaternion::new(turn[0], turn[1], turn[2], turn[3]);
+        let pose = Isometry3::from_parts(
+            Translation3::new(x, y, z),
+            UnitQuaternion::from_quaternion(turn),
+        );
+        let parent = poses[transform["parent_frame_id"].as_str().unwrap()];
+        let child = transform["child_frame_id"].as_str().unwrap().to_owned();
+        poses.insert(child, parent * pose);
+    }
+    poses
 }
 
 #[test]
@@ -103,59 +168,119 @@ fn a_body_moves_in_foxglove_as_the_table_says() {
     PROGRAM.json(&["export", &flight, "--out", plain(&csv)]);
     let (bytes, table) = (std::fs::read(&out).unwrap(), table(&csv));
     let frames = table["time_s"].len();
-    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
-    let schemas: Vec<&str> = summary
-        .schemas
-        .values()
-        .map(|schema| schema.name.as_str())
-        .collect();
-    for name in ["FrameTransforms", "SceneUpdate", "PoseInFrame"] {
-        assert!(
-            schemas.contains(&&*format!("foxglove.{name}")),
-            "{schemas:?}"
-        );
-    }
-    let numbers = messages(&bytes, "/flight");
-    assert_eq!(numbers.len(), frames);
-    for (row, (time, message)) in numbers.iter().enumerate() {
+    // Half a minute at 240 Hz takes at most 15 MB.
+    assert!(bytes.len() / frames * 7200 < 15_000_000, "{}", bytes.len());
+    let topics = messages(&bytes);
+    for (row, (time, message)) in topics["/flight"].iter().enumerate() {
         assert!(is_near(*time, table["time_s"][row], 1e-8));
         for (name, value) in message.as_object().unwrap() {
-            let value = value.as_f64().unwrap_or(f64::NAN);
-            assert!(is_near(value, table[name][row], 1e-9), "{name}: {value}");
+            let (found, wanted) = (told(value), table[name][row]);
+            // Places and times are exact, other numbers are in 32 bits.
+            let is_wide = name.ends_with("_m") || name == "time_s";
+            let rounded = if is_wide {
+                0.0
+            } else {
+                f64::from(f32::EPSILON)
+            };
+            assert!(
+                is_near(found, wanted, wanted.abs() * rounded),
+                "{name}: {found}"
+            );
         }
     }
-    let transforms = messages(&bytes, "/tf");
-    assert_eq!(transforms.len(), frames);
-    let (_, last) = transforms.last().unwrap();
-    let all = last["transforms"].as_array().unwrap();
-    assert_eq!(all.len(), 32);
-    for transform in all {
-        assert_eq!(transform["parent_frame_id"], "world");
-        let child = transform["child_frame_id"].as_str().unwrap();
-        let (side, segment) = child.split_once('/').unwrap();
-        for (axis, part) in [("x", "north"), ("y", "west"), ("z", "up")] {
-            let wanted = table[&format!("{segment}_{side}_position_{part}_m")][frames - 1];
-            let found = number(&transform["translation"][axis]);
-            assert!(is_near(found, wanted, 1e-9), "{child} {axis}: {found}");
+    assert_eq!(topics["/flight"].len(), frames);
+    // Poses come at 60 Hz.
+    assert_eq!(topics["/tf"].len(), (frames - 1) / 4 + 1);
+    for (place, (time, transforms)) in topics["/tf"].iter().enumerate().step_by(97) {
+        let row = 4 * place;
+        assert!(is_near(*time, table["time_s"][row], 1e-8));
+        let poses = in_world(transforms);
+        assert_eq!(poses.len(), 33);
+        for (frame, pose) in poses {
+            let Some((side, segment)) = frame.split_once('/') else {
+                continue;
+            };
+            let wanted = |name: &str| table[&format!("{segment}_{side}_{name}")][row];
+            let place = pose.translation.vector;
+            for (part, found) in ["north", "west", "up"].into_iter().zip(&place) {
+                let wanted = wanted(&format!("position_{part}_m"));
+                assert!(is_near(*found, wanted, 1e-9), "{frame} {part}: {found}");
+            }
+            let [w, x, y, z] = ["w", "x", "y", "z"].map(|k| wanted(&format!("attitude_{k}")));
+            let wanted = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+            assert!(pose.rotation.angle_to(&wanted) < 1e-7, "{frame}");
         }
-        for axis in ["w", "x", "y", "z"] {
-            let wanted = table[&format!("{segment}_{side}_attitude_{axis}")][frames - 1];
-            assert!(is_near(number(&transform["rotation"][axis]), wanted, 1e-9));
+        let (_, pelvis) = &topics["/simulated/pose"][place];
+        let height = told(&pelvis["pose"]["position"]["z"]);
+        assert!(is_near(
+            height,
+            table["simulated_position_up_m"][row],
+            1e-15
+        ));
+        for (segment, numbers) in topics["/segments"][row].1.as_object().unwrap() {
+            for (name, number) in numbers.as_object().unwrap() {
+                let wanted = table[&format!("{segment}_{name}")][row];
+                let rounded = wanted.abs() * f64::from(f32::EPSILON);
+                assert!(is_near(told(number), wanted, rounded), "{segment} {name}");
+            }
         }
     }
-    let solids = messages(&bytes, "/body");
-    assert_eq!(solids.len(), 1);
-    let entities = solids[0].1["entities"].as_array().unwrap();
+    let [(_, solids)] = topics["/body"].as_slice() else {
+        panic!("{} messages", topics["/body"].len());
+    };
+    let entities = solids["entities"].as_array().unwrap();
     assert!(entities.iter().all(|entity| entity["frame_locked"] == true));
     assert_eq!(entities.len(), 32);
-    let of_hand = &messages(&bytes, "/segments")[frames / 2].1["l_hand"];
-    let force = number(&of_hand["force_dorsal_n"]);
-    assert!(is_near(
-        force,
-        table["l_hand_force_dorsal_n"][frames / 2],
-        1e-9
-    ));
-    assert!(!messages(&bytes, "/forces").is_empty());
+    let arrows = &topics["/forces"][0].1["entities"][0]["arrows"];
+    assert_eq!(arrows.as_array().unwrap().len(), 16);
+}
+
+#[test]
+fn a_file_says_whose_flight_it_is_and_when_it_was_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let flight = PROGRAM.synth("rotations", &at("flight"), &[]);
+    let recording = at("flight/flight.mvnx");
+    let text = std::fs::read_to_string(&recording).unwrap();
+    // Frames with Unix times, as MVN writes them.
+    let mut parts = text.split(" ms=\"");
+    let mut timed = parts.next().unwrap().to_owned();
+    for part in parts {
+        let (milliseconds, rest) = part.split_once('"').unwrap();
+        let milliseconds: u64 = milliseconds.parse().unwrap();
+        timed += &format!(" ms=\"{}\"{rest}", 1_542_082_631_842 + milliseconds);
+    }
+    std::fs::write(&recording, timed).unwrap();
+    let (out, table) = (at("run.mcap"), at("run.parquet"));
+    PROGRAM.json(&["export", &flight, "--out", plain(&out)]);
+    PROGRAM.json(&["export", &flight, "--out", plain(&table)]);
+    let bytes = std::fs::read(&out).unwrap();
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    let began = summary.stats.as_ref().unwrap().message_start_time;
+    assert_eq!(began, 1_542_082_631_842_000_000);
+    let [index] = summary.metadata_indexes.as_slice() else {
+        panic!("{:?}", summary.metadata_indexes);
+    };
+    assert_eq!(index.name, "bodyflight");
+    let about = mcap::read::metadata(&bytes, index).unwrap().metadata;
+    let file = std::fs::File::open(&table).unwrap();
+    let reader = parquet::file::serialized_reader::SerializedFileReader::new(file).unwrap();
+    let stored = reader.metadata().file_metadata().key_value_metadata();
+    let of_table = |name: &str| {
+        let found = stored.unwrap().iter().find(|entry| entry.key == name);
+        found.unwrap().value.clone().unwrap()
+    };
+    let subject = std::fs::read_to_string(at("flight/subject.toml")).unwrap();
+    let height = subject.lines().find(|line| line.starts_with("height_m"));
+    for about in [
+        &|name: &str| about[name].clone(),
+        &of_table as &dyn Fn(&str) -> String,
+    ] {
+        assert!(about("program").starts_with("bodyflight "));
+        assert!(about("arguments").starts_with("[\"export\","));
+        assert!(about("flight").contains("flight.mvnx"));
+        assert!(about("subject").contains(height.unwrap()));
+    }
 }
 
 #[test]

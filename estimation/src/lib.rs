@@ -66,19 +66,31 @@ impl Estimation {
         })
     }
 
-    /// Writes coefficients over time as CSV. The first columns are those that `inputs` in `flight.toml` expects.
+    /// Writes coefficients over time as CSV.
     ///
     /// # Errors
     /// Returns an error if the file cannot be written.
     pub fn write_csv(&self, path: &Path) -> Result<()> {
-        let columns: Vec<&str> = InputRow::COLUMNS
+        let mut file = CsvFile::create(path, &Self::columns())?;
+        for row in self.rows() {
+            file.write_fields(row)?;
+        }
+        file.finish()
+    }
+
+    /// Columns of the table of coefficients over time. The first are those that `inputs` in `flight.toml` expects.
+    pub fn columns() -> Vec<&'static str> {
+        InputRow::COLUMNS
             .into_iter()
             .chain(InputRow::MORE_COLUMNS)
             .chain(DEVIATIONS)
             .chain(["nis", "consistency"])
-            .collect();
-        let mut file = CsvFile::create(path, &columns)?;
-        for point in &self.points {
+            .collect()
+    }
+
+    /// Rows of the table of coefficients over time.
+    pub fn rows(&self) -> impl Iterator<Item = Vec<String>> {
+        self.points.iter().map(|point| {
             let numbers = point.inputs.columns().map(number);
             let deviation = point.deviation.columns();
             let rest = deviation.iter().skip(1).copied();
@@ -86,9 +98,8 @@ impl Estimation {
             let consistency = point.consistency.map_or("", Consistency::name);
             let more = point.inputs.more_fields();
             let fields = numbers.into_iter().chain(more).chain(rest);
-            file.write_fields(fields.chain([consistency.to_owned()]))?;
-        }
-        file.finish()
+            fields.chain([consistency.to_owned()]).collect()
+        })
     }
 }
 

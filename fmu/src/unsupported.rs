@@ -1,11 +1,11 @@
-//! Functions of the standard that a skydiver does not support. Every function must exist, so these return an error.
+//! Functions of the standards that a skydiver does not support. Every function must exist, so these return an error.
 //!
 //! They are declared without parameters, which is harmless: in C, the caller removes its arguments from the stack.
 
 use std::ffi::c_void;
 use std::ptr;
 
-use crate::ERROR;
+use crate::instance::ERROR;
 
 macro_rules! unsupported {
     ($($name:ident)*) => {
@@ -79,6 +79,22 @@ unsupported! {
     fmi3EnterEventMode
     fmi3GetOutputDerivatives
     fmi3ActivateModelPartition
+    fmi2GetInteger
+    fmi2GetBoolean
+    fmi2GetString
+    fmi2SetInteger
+    fmi2SetBoolean
+    fmi2SetString
+    fmi2SerializedFMUstateSize
+    fmi2SerializeFMUstate
+    fmi2DeSerializeFMUstate
+    fmi2GetDirectionalDerivative
+    fmi2SetRealInputDerivatives
+    fmi2GetRealOutputDerivatives
+    fmi2CancelStep
+    fmi2GetStatus
+    fmi2GetIntegerStatus
+    fmi2GetStringStatus
 }
 
 /// Not supported: a skydiver is a co-simulation unit.

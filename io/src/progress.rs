@@ -15,6 +15,8 @@ pub enum Told {
     Stage(String),
     /// The completed share of the stage (0 to 1).
     Share(f64),
+    /// The flight time reached (s), by work that does not know its length.
+    Time(f64),
 }
 
 type Listener = Arc<dyn Fn(Told) + Send + Sync>;
@@ -63,6 +65,15 @@ pub fn stage(name: impl Into<String>) {
 #[expect(clippy::cast_precision_loss, reason = "for display only")]
 pub fn reached(done: usize, all: usize) -> Result<()> {
     tell(Told::Share(done as f64 / all.max(1) as f64));
+    interrupt::check()
+}
+
+/// Reports the flight time reached (s). Meant to be called a few times a second.
+///
+/// # Errors
+/// Returns an error if Ctrl-C was pressed.
+pub fn at(time: f64) -> Result<()> {
+    tell(Told::Time(time));
     interrupt::check()
 }
 

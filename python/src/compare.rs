@@ -6,8 +6,9 @@ use bodyflight_verbs::compare::align::Align;
 use bodyflight_verbs::compare::{Report, Settings, Side, Track, compare as compared};
 use numpy::PyArray2;
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
-use crate::arrays::rows;
+use crate::arrays::{parts, rows};
 use crate::flight::Flight;
 use crate::long::long;
 use crate::problem::{dictionary, raise, warn_of_doubt};
@@ -56,6 +57,54 @@ impl Comparison {
     #[classattr]
     fn channels() -> Vec<&'static str> {
         Channel::ALL.map(Channel::key).to_vec()
+    }
+
+    /// Creates a comparison from its parts, as pickle does.
+    #[new]
+    #[expect(clippy::too_many_arguments, reason = "one for each part")]
+    const fn new(
+        time: Py<PyArray2<f64>>,
+        a: Py<PyArray2<f64>>,
+        b: Py<PyArray2<f64>>,
+        joints: Vec<String>,
+        a_angles: Py<PyArray2<f64>>,
+        b_angles: Py<PyArray2<f64>>,
+        difference: Py<PyArray2<f64>>,
+        deviation: Py<PyArray2<f64>>,
+        first: String,
+        doubt: Option<String>,
+        report: Py<PyAny>,
+    ) -> Self {
+        Self {
+            time,
+            a,
+            b,
+            joints,
+            a_angles,
+            b_angles,
+            difference,
+            deviation,
+            first,
+            doubt,
+            report,
+        }
+    }
+
+    fn __getnewargs__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let names = [
+            "time",
+            "a",
+            "b",
+            "joints",
+            "a_angles",
+            "b_angles",
+            "difference",
+            "deviation",
+            "first",
+            "doubt",
+            "report",
+        ];
+        parts(slf, &names)
     }
 }
 

@@ -2,22 +2,28 @@
 
 use bodyflight_core::dynamics::PostureSample;
 use bodyflight_core::math::Real;
+use bodyflight_io::diagnostic::Problem;
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_viewer::cockpit::CONTROLS;
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
 use crate::arguments::{array, finite};
 use crate::options::Options;
-use crate::skydiver::{Course, NUMBERS};
+use crate::picture::Scene;
+use crate::problem::raise;
+use crate::skydiver::{Course, NUMBERS, Skydiver};
 use crate::skydivers::{OBSERVED, RUN, observation, of_states, state_names};
 use crate::subject::Subject;
 use crate::task::{
     EPISODE, Environment, GOAL, LIMIT, STATE, SUIT, TERMS, Task, WIDTH, is_tumbling,
 };
 use crate::threads::threads;
+
+/// Most pixels of a picture each way.
+const LARGEST: usize = 4096;
 
 /// n environments with one body and one task. `bodyflight.gym` draws the goals and follows Gymnasium's rules.
 #[pyclass(module = "bodyflight._native")]
@@ -255,6 +261,38 @@ impl Environments {
         }
         let [terminated, truncated, success] = flags;
         Ok((seen, rewards, terminated, truncated, terms, success))
+    }
+
+    /// Draws one environment (`index`) as an image, `height` by `width` by 3 of red, green and blue. A green mark points to the
+    /// goal.
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        index: usize,
+        width: usize,
+        height: usize,
+    ) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        let count = self.all.len();
+        let Some(environment) = self.all.get(index) else {
+            let problem = Problem::bad_input(format!("expected 0 to below {count}, found {index}"));
+            return Err(raise(problem.at("index")));
+        };
+        if !(1..=LARGEST).contains(&width) || !(1..=LARGEST).contains(&height) {
+            let problem = Problem::bad_input(format!(
+                "expected 1 to {LARGEST} pixels each way, found {width} and {height}"
+            ));
+            return Err(raise(problem.at("width, height")));
+        }
+        let Skydiver { motion, .. } = &environment.skydiver;
+        let toward = environment.toward(&self.task, &observation(motion));
+        let scene = Scene::new(
+            &Subject::or_default(self.options.subject.clone()).body(),
+            &environment.skydiver.posture().cast(),
+            &motion.cast(),
+            toward.map(|way| way.map(f64::from)),
+        );
+        let pixels = py.detach(|| scene.draw(width, height));
+        PyArray1::from_vec(py, pixels).reshape([height, width, 3])
     }
 
     /// Returns everything that the environments consist of, n by 35 in the order of `state_names`. `set_state` continues them

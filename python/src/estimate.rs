@@ -2,17 +2,18 @@
 
 use std::path::PathBuf;
 
-use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_estimation::Filter;
 use bodyflight_estimation::motion::Method;
 use bodyflight_estimation::request::Request;
 use bodyflight_io::destination;
+use bodyflight_io::files::write_file;
 use bodyflight_replay::input_history::InputRow;
 use bodyflight_replay::preset_file::Tuning;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
-use crate::arrays::rows;
+use crate::arrays::{parts, rows};
 use crate::flight::Flight;
 use crate::long::long;
 use crate::problem::{dictionary, raise, unknown, warn_of_doubt};
@@ -38,14 +39,16 @@ pub(crate) struct Estimation {
     nis: Py<PyArray1<f64>>,
     /// "consistent", "doubtful" or "lost" at each instant; empty if the filter has no check of its own consistency.
     #[pyo3(get)]
-    consistency: Vec<&'static str>,
+    consistency: Vec<String>,
     /// Reason not to trust the estimate, or None.
     #[pyo3(get)]
     doubt: Option<String>,
     /// The dictionary that `bodyflight estimate --json` prints.
     #[pyo3(get)]
     report: Py<PyAny>,
-    inner: bodyflight_estimation::Estimation,
+    /// The text of the table that `write_csv` writes.
+    #[pyo3(get, name = "_table")]
+    table: String,
 }
 
 #[pymethods]
@@ -62,7 +65,46 @@ impl Estimation {
     #[pyo3(signature = (path, *, force = false))]
     fn write_csv(&self, path: PathBuf, force: bool) -> PyResult<()> {
         destination::check([&path], force).map_err(raise)?;
-        self.inner.write_csv(&path).map_err(raise)
+        write_file(&path, self.table.as_bytes()).map_err(raise)
+    }
+
+    /// Creates an estimation from its parts, as pickle does.
+    #[new]
+    #[expect(clippy::too_many_arguments, reason = "one for each part")]
+    fn new(
+        time: Py<PyArray1<f64>>,
+        inputs: Py<PyArray2<f64>>,
+        deviation: Py<PyArray2<f64>>,
+        nis: Py<PyArray1<f64>>,
+        consistency: Vec<String>,
+        doubt: Option<String>,
+        report: Py<PyAny>,
+        table: String,
+    ) -> Self {
+        Self {
+            time,
+            inputs,
+            deviation,
+            nis,
+            consistency,
+            doubt,
+            report,
+            table,
+        }
+    }
+
+    fn __getnewargs__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let names = [
+            "time",
+            "inputs",
+            "deviation",
+            "nis",
+            "consistency",
+            "doubt",
+            "report",
+            "_table",
+        ];
+        parts(slf, &names)
     }
 }
 
@@ -105,11 +147,11 @@ pub(crate) fn estimate(
             .unbind(),
         consistency: points
             .iter()
-            .filter_map(|point| point.consistency.map(Consistency::name))
+            .filter_map(|point| Some(point.consistency?.name().to_owned()))
             .collect(),
         doubt: found.report.doubt.clone(),
         report: dictionary(py, &found.report)?,
-        inner: found,
+        table: text_of(&found),
     })
 }
 
@@ -125,6 +167,18 @@ pub(crate) fn request(preset: &str, method: &str, filter: Option<&str>) -> PyRes
             Some(name) => return Err(unknown("filter", name, &["paper", "reduced"])),
         },
     })
+}
+
+/// The table of coefficients over time, as text.
+fn text_of(found: &bodyflight_estimation::Estimation) -> String {
+    let columns = bodyflight_estimation::Estimation::columns().join(",");
+    let rows = found.rows().map(|row| row.join(","));
+    let mut text: String = std::iter::once(columns)
+        .chain(rows)
+        .collect::<Vec<_>>()
+        .join("\n");
+    text.push('\n');
+    text
 }
 
 /// Returns the method of this name.

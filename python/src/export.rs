@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use bodyflight_io::destination;
 use bodyflight_replay::flight::Flight as Recorded;
 use bodyflight_verbs::export::{self as exports, Format};
-use bodyflight_verbs::fmu as units;
+use bodyflight_verbs::fmu::{self as units, Standard};
 use pyo3::prelude::*;
 
 use crate::estimate::method_of;
@@ -36,9 +36,16 @@ pub(crate) fn export(
     };
     let method = estimates.map(method_of).transpose()?;
     destination::check([&out], force).map_err(raise)?;
+    let mut arguments = vec![
+        "bodyflight.export".to_owned(),
+        flight.asked_path().display().to_string(),
+        out.display().to_string(),
+    ];
+    arguments.extend(estimates.map(|method| format!("estimates={method}")));
     let report = long(py, progress, |progress| {
         let to = (out.as_path(), format);
-        exports::export(&flight.inner, flight.options, to, method, &mut |time| {
+        let (inner, options) = (&flight.inner, flight.options);
+        exports::export(inner, options, to, method, &arguments, &mut |time| {
             progress(time)
         })
     })?;
@@ -49,20 +56,25 @@ pub(crate) fn export(
 /// Writes a co-simulation unit for a subject.toml, or for the subject and the air of a flight.toml. Returns the dictionary of
 /// `bodyflight fmu --json`.
 ///
-/// `library` is the unit's shared library, by default the one in the package.
+/// `fmi` is the version of the standard, "3.0" or "2.0"; `library` is the unit's shared library, by default the one in the package.
 #[pyfunction]
-#[pyo3(signature = (subject, out, *, library = None, force = false))]
+#[pyo3(signature = (subject, out, *, fmi = "3.0", library = None, force = false))]
 pub(crate) fn fmu(
     py: Python<'_>,
     subject: PathBuf,
     out: PathBuf,
+    fmi: &str,
     library: Option<PathBuf>,
     force: bool,
 ) -> PyResult<Py<PyAny>> {
     let flight = Recorded::read_person(&subject).map_err(raise)?;
+    let names = Standard::ALL.map(Standard::name);
+    let standard =
+        Standard::from_name(fmi).ok_or_else(|| unknown("version of FMI", fmi, &names))?;
     let library = units::library(library.as_deref()).map_err(raise)?;
     destination::check([&out], force).map_err(raise)?;
-    dictionary(py, &units::write(&flight, &library, &out).map_err(raise)?)
+    let report = units::write(&flight, standard, &library, &out).map_err(raise)?;
+    dictionary(py, &report)
 }
 
 /// Runs the program with `arguments`, of which the first is its name. Returns the exit code; help and wrong usage end the

@@ -26,23 +26,25 @@ use pyo3::prelude::*;
 
 use crate::estimate::request;
 use crate::flight::Flight;
-use crate::long::long;
+use crate::long::{long, told};
 use crate::problem::{dictionary, raise, unknown, value, warn_of_doubt};
 use crate::subject::Subject;
 
 /// Describes a recording, or a file of another system. Returns the dictionary of `bodyflight inspect --json`; issues a
 /// DoubtWarning if the recording contradicts itself.
 ///
-/// `mapping` is the path of a mapping, for files of other systems; `subject` is compared with the recorded person.
+/// `mapping` is the path of a mapping, for files of other systems; `subject` is compared with the recorded person. `progress` is
+/// called with the flight time reached (s).
 #[pyfunction]
-#[pyo3(signature = (file, *, mapping = None, subject = None))]
+#[pyo3(signature = (file, *, mapping = None, subject = None, progress = None))]
 pub(crate) fn inspect(
     py: Python<'_>,
     file: PathBuf,
     mapping: Option<PathBuf>,
     subject: Option<Subject>,
+    progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyAny>> {
-    let report = long(py, None, |_| {
+    let report = told(py, progress, || {
         let mapping = mapping.as_deref().map(Mapping::read).transpose()?;
         let subject = subject.as_ref().map(|subject| &subject.inner);
         if mapping.is_some() || is_of_another_system(&file) {
@@ -90,12 +92,14 @@ pub(crate) fn import_recording(
 /// Analyses the jumps on a logger's track. Returns the dictionary of `bodyflight fall --json`; for a folder of tracks, that of
 /// its logbook. Issues a DoubtWarning if the fall is not certain, and raises a Disagreement if it is not explained.
 ///
-/// `mass` is that of skydiver and equipment (kg), `beside` the track of another jumper from the same load.
+/// `mass` is that of skydiver and equipment (kg), `beside` the track of another jumper from the same load. `progress` is called
+/// with the share of a folder's tracks.
 #[pyfunction]
 #[pyo3(
-    signature = (track, *, mass = DEFAULT_MASS, ground_pressure_hpa = None, ground_temperature_celsius = None, reference_height_m = None, beside = None),
-    text_signature = "(track, *, mass=80.0, ground_pressure_hpa=None, ground_temperature_celsius=None, reference_height_m=None, beside=None)"
+    signature = (track, *, mass = DEFAULT_MASS, ground_pressure_hpa = None, ground_temperature_celsius = None, reference_height_m = None, beside = None, progress = None),
+    text_signature = "(track, *, mass=80.0, ground_pressure_hpa=None, ground_temperature_celsius=None, reference_height_m=None, beside=None, progress=None)"
 )]
+#[expect(clippy::too_many_arguments, reason = "one for each option")]
 pub(crate) fn fall(
     py: Python<'_>,
     track: PathBuf,
@@ -104,6 +108,7 @@ pub(crate) fn fall(
     ground_temperature_celsius: Option<f64>,
     reference_height_m: Option<f64>,
     beside: Option<PathBuf>,
+    progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyAny>> {
     let names = [
         "mass",
@@ -123,12 +128,12 @@ pub(crate) fn fall(
             let problem = Problem::bad_input("a folder of tracks has no jump beside another");
             return Err(raise(problem.at("beside").help("give the track itself")));
         }
-        let book = long(py, None, |_| {
+        let book = told(py, progress, || {
             logbook::logbook(&folder::tracks(&track)?, &conditions)
         })?;
         return dictionary(py, &book);
     }
-    let answer = long(py, None, |_| {
+    let answer = told(py, progress, || {
         let read = tracks::read(&track)?;
         Ok(Answer::of(read, &track, &conditions, beside.as_deref())?.0)
     })?;
@@ -151,11 +156,15 @@ fn with_report(py: Python<'_>, problem: Problem, report: Py<PyAny>) -> PyResult<
 
 /// Compares the model with real flights: those bundled with the program, or the flights, loggers' tracks and tables of captures
 /// in `paths`. Returns the dictionary of `bodyflight validate --json`; raises a Disagreement, whose `report` it is, if a check
-/// fails.
+/// fails. `progress` is called with the share done of each of its stages.
 #[pyfunction]
-#[pyo3(signature = (paths = vec![]), text_signature = "(paths=())")]
-pub(crate) fn validate(py: Python<'_>, paths: Vec<PathBuf>) -> PyResult<Py<PyAny>> {
-    let report = long(py, None, |_| Inputs::read(&paths)?.validate())?;
+#[pyo3(signature = (paths = vec![], *, progress = None), text_signature = "(paths=(), *, progress=None)")]
+pub(crate) fn validate(
+    py: Python<'_>,
+    paths: Vec<PathBuf>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Py<PyAny>> {
+    let report = told(py, progress, || Inputs::read(&paths)?.validate())?;
     let found = dictionary(py, &report)?;
     match report.failure() {
         None => Ok(found),

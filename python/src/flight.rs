@@ -1,6 +1,6 @@
 //! Flights, the recordings in them, and synthetic ones.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bodyflight_core::Segment;
 use bodyflight_core::dynamics::free_run::Equations;
@@ -15,9 +15,9 @@ use bodyflight_replay::flight::{self, Start};
 use bodyflight_replay::model_file::Effects;
 use numpy::{PyArray, PyArray1};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 
-use crate::arrays::{MotionArrays, Motions, tables};
+use crate::arrays::{MotionArrays, Motions, parts, tables};
 use crate::long::long;
 use crate::mechanics::{attitudes, numbers, postures, wxyz};
 use crate::problem::{dictionary, raise, unknown};
@@ -216,6 +216,11 @@ impl Flight {
 }
 
 impl Flight {
+    /// The file or folder that it was made of.
+    pub(crate) fn asked_path(&self) -> &Path {
+        &self.asked.path
+    }
+
     /// Returns the flight with the start of this name.
     pub(crate) fn starting(&self, start: &str) -> PyResult<flight::Flight> {
         let mut inner = self.inner.clone();
@@ -247,6 +252,38 @@ pub(crate) struct Recording {
     /// Sentences about implausible parts of the recording.
     #[pyo3(get)]
     warnings: Vec<String>,
+}
+
+#[pymethods]
+impl Recording {
+    /// Creates a recording from its parts, as pickle does.
+    #[new]
+    const fn new(
+        time: Py<PyArray1<f64>>,
+        motion: Py<MotionArrays>,
+        parent_from_segment: Py<PyArray<f64, numpy::Ix3>>,
+        bridged: Py<PyArray1<bool>>,
+        warnings: Vec<String>,
+    ) -> Self {
+        Self {
+            time,
+            motion,
+            parent_from_segment,
+            bridged,
+            warnings,
+        }
+    }
+
+    fn __getnewargs__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let names = [
+            "time",
+            "motion",
+            "parent_from_segment",
+            "bridged",
+            "warnings",
+        ];
+        parts(slf, &names)
+    }
 }
 
 impl Recording {

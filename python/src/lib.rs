@@ -13,6 +13,7 @@ mod flight;
 mod long;
 mod mechanics;
 mod options;
+mod picture;
 mod problem;
 mod record;
 mod simulate;

@@ -1,12 +1,13 @@
 //! Long work without the interpreter's lock, with progress and Ctrl-C.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
+use bodyflight_io::progress::{Told, listen};
 use pyo3::prelude::*;
 
 use crate::problem::raise;
@@ -28,8 +29,42 @@ pub(crate) fn long<R: Send>(
     progress: Option<Py<PyAny>>,
     work: impl FnOnce(&Report<'_>) -> Result<R> + Send,
 ) -> PyResult<R> {
+    reaching(py, progress, &Mutex::new(None), work)
+}
+
+/// Same as [`long`], for work that tells its progress to the listener of this process: the share done of each stage, or the
+/// flight time reached (s).
+///
+/// # Errors
+/// Same as [`long`].
+pub(crate) fn told<R: Send>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
+    work: impl FnOnce() -> Result<R> + Send,
+) -> PyResult<R> {
+    let reached = Arc::new(Mutex::new(None));
+    let kept = Arc::clone(&reached);
+    let listening = progress.is_some().then(|| {
+        listen(move |told| match told {
+            Told::Share(done) | Told::Time(done) => {
+                *kept.lock().unwrap_or_else(PoisonError::into_inner) = Some(done);
+            }
+            Told::Stage(_) => {}
+        })
+    });
+    let result = reaching(py, progress, &reached, |_| work());
+    drop(listening);
+    result
+}
+
+/// Runs `work`, and looks for what has been `reached`.
+fn reaching<R: Send>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
+    reached: &Mutex<Option<f64>>,
+    work: impl FnOnce(&Report<'_>) -> Result<R> + Send,
+) -> PyResult<R> {
     let pool = threads(py)?;
-    let reached = Mutex::new(None);
     let done = AtomicBool::new(false);
     let caller = thread::current();
     let mut raised = None;

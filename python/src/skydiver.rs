@@ -95,6 +95,13 @@ impl Skydiver {
     }
 }
 
+impl Skydiver {
+    /// Posture at the end of the last action.
+    pub(crate) const fn posture(&self) -> &Posture<f32> {
+        &self.posture
+    }
+}
+
 impl Course {
     /// Creates the course of flights that begin as `start` says, with `substeps` steps of the model in each action.
     pub(crate) fn new(setup: &Setup, start: &Start, substeps: u32) -> Self {

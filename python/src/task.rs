@@ -123,6 +123,18 @@ impl Environment {
         [to_north - north, to_west - west]
     }
 
+    /// The horizontal direction of the goal (north, west; length 1), if the task has one that is not reached.
+    pub(crate) fn toward(&self, task: &Task, row: &Row) -> Option<[f32; 2]> {
+        let [north, west] = self.way(row);
+        let distance = self.distance(row);
+        let (sine, cosine) = self.heading;
+        if task.docks {
+            (distance > NEAR).then(|| [north / distance, west / distance])
+        } else {
+            task.faces.then_some([cosine, sine])
+        }
+    }
+
     pub(crate) fn observe(&self, row: &Row) -> [f32; WIDTH] {
         let [_, _, _, sine, cosine, ..] = *row;
         let (turn_sine, turn_cosine) = self.turn_left(row);

@@ -65,30 +65,108 @@ def test_every_format_has_the_same_numbers(exported):
         np.testing.assert_array_equal(arrays["simulated_attitude"], attitude)
 
 
+def decoded(path):
+    """Messages with their times by topic and schema, decoded by Protobuf from what the file says about them; and the schemas."""
+    reader = pytest.importorskip("mcap.reader")
+    factory = pytest.importorskip("mcap_protobuf.decoder").DecoderFactory()
+    topics, schemas = {}, {}
+    with open(path, "rb") as file:
+        read = reader.make_reader(file, validate_crcs=True, decoder_factories=[factory])
+        for schema, channel, message, told in read.iter_decoded_messages():
+            assert schema.encoding == channel.message_encoding == "protobuf"
+            schemas[schema.name] = schema.data
+            topics.setdefault((channel.topic, schema.name), []).append((message.log_time, told))
+    return topics, schemas
+
+
+def placed(transforms):
+    """Rotation and place of each frame in the world."""
+    poses = {"world": (np.eye(3), np.zeros(3))}
+    for one in transforms:
+        turned, moved = poses[one.parent_frame_id]
+        w, x, y, z = (getattr(one.rotation, part) for part in "wxyz")
+        turn = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        step = np.array([getattr(one.translation, part) for part in "xyz"])
+        poses[one.child_frame_id] = (turned @ turn, moved + turned @ step)
+    return poses
+
+
 def test_a_body_moves_when_mcap_is_read(exported):
     pandas = pytest.importorskip("pandas")
-    reader = pytest.importorskip("mcap.reader")
     table = pandas.read_parquet(exported["parquet"])
-    topics = {}
-    with open(exported["mcap"], "rb") as file:
-        for schema, channel, message in reader.make_reader(file, validate_crcs=True).iter_messages():
-            assert schema.encoding == "jsonschema" and channel.message_encoding == "json"
-            topics.setdefault((channel.topic, schema.name), []).append((message.log_time, json.loads(message.data)))
+    topics, _ = decoded(exported["mcap"])
     transforms = topics["/tf", "foxglove.FrameTransforms"]
-    assert len(transforms) == len(table)
-    for row in [0, len(table) // 2, len(table) - 1]:
-        time, message = transforms[row]
+    for time, message in [transforms[0], transforms[len(transforms) // 2], transforms[-1]]:
+        row = int(np.abs(table["time_s"] - time * 1e-9).argmin())
         assert time * 1e-9 == pytest.approx(table["time_s"][row], abs=1e-8)
-        moved = {one["child_frame_id"]: one for one in message["transforms"]}
-        assert len(moved) == 32
-        place = moved["simulated/r_foot"]["translation"]
-        wanted = [table[f"r_foot_simulated_position_{part}_m"][row] for part in ["north", "west", "up"]]
-        np.testing.assert_allclose([place["x"], place["y"], place["z"]], wanted, rtol=0, atol=1e-9)
+        poses = placed(message.transforms)
+        assert len(poses) == 33
+        for side in ["simulated", "measured"]:
+            wanted = [table[f"r_foot_{side}_position_{part}_m"][row] for part in ["north", "west", "up"]]
+            np.testing.assert_allclose(poses[f"{side}/r_foot"][1], wanted, rtol=0, atol=1e-9)
     (_, body), *more = topics["/body", "foxglove.SceneUpdate"]
-    frames = {entity["frame_id"] for entity in body["entities"]}
-    assert not more and frames == set(moved)
-    numbers = pandas.DataFrame([message for _, message in topics["/flight", "bodyflight.Body"]])
-    np.testing.assert_allclose(numbers.astype(float), table[numbers.columns], rtol=0, atol=1e-9)
+    frames = {entity.frame_id for entity in body.entities}
+    assert not more and frames == set(poses) - {"world"}
+    rows = [message for _, message in topics["/flight", "bodyflight.Body"]]
+    names = [field.name for field in rows[0].DESCRIPTOR.fields]
+    numbers = np.array([[getattr(row, name) for name in names] for row in rows])
+    np.testing.assert_array_equal(numbers.astype(np.float32), table[names].astype(np.float32))
+    # Times and places are exact.
+    wide = [name for name in names if name.endswith("_m") or name == "time_s"]
+    np.testing.assert_array_equal(numbers[:, [names.index(name) for name in wide]], table[wide])
+    _, last = topics["/segments", "bodyflight.Segments"][-1]
+    force = table["l_hand_force_dorsal_n"].iloc[-1]
+    assert last.l_hand.force_dorsal_n == np.float32(force)
+
+
+def test_the_schemas_are_those_that_foxglove_publishes(exported):
+    pb = pytest.importorskip("google.protobuf.descriptor_pb2")
+    published = pytest.importorskip("foxglove_schemas_protobuf")
+    compared = set()
+    for name, data in decoded(exported["mcap"])[1].items():
+        for ours in pb.FileDescriptorSet.FromString(data).file:
+            if ours.package == "bodyflight":
+                meanings = [one.leading_comments for one in ours.source_code_info.location]
+                assert any(meaning.endswith("(m/s)") for meaning in meanings) or name != "bodyflight.Body"
+                continue
+            (own,) = ours.message_type
+            package = published.__name__ if ours.package == "foxglove" else "google.protobuf"
+            module = __import__(f"{package}.{ours.name.split('/')[-1][:-6]}_pb2", fromlist=["DESCRIPTOR"])
+            theirs = pb.FileDescriptorProto()
+            module.DESCRIPTOR.CopyToProto(theirs)
+            wanted = next(one for one in theirs.message_type if one.name == own.name)
+
+            def fields(message):
+                return [(one.name, one.number, one.type, one.type_name, one.label) for one in message.field]
+
+            def values(message):
+                return [[(value.name, value.number) for value in one.value] for one in message.enum_type]
+
+            assert fields(own) == fields(wanted) and values(own) == values(wanted), own.name
+            assert list(ours.dependency) == sorted(theirs.dependency)
+            compared.add(own.name)
+    assert {"SceneEntity", "LinePrimitive", "FrameTransform", "PoseInFrame", "Timestamp"} <= compared
+
+
+def test_files_say_whose_flight_they_hold_and_how_they_were_made(exported, turn):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    reader = pytest.importorskip("mcap.reader")
+    stored = parquet.read_schema(exported["parquet"]).metadata
+    of_table = {name.decode(): text.decode() for name, text in stored.items()}
+    with open(exported["mcap"], "rb") as file:
+        (record,) = reader.make_reader(file).iter_metadata()
+    assert record.name == "bodyflight"
+    for about in [record.metadata, of_table]:
+        assert about["program"] == f"bodyflight {bodyflight.__version__}"
+        assert json.loads(about["arguments"])[0] == "bodyflight.export"
+        assert about["subject"] == bodyflight.Flight(turn).subject.to_toml()
+        assert "flight.mvnx" in about["flight"]
 
 
 def test_the_forces_of_the_air_move_the_centre_of_gravity(exported):

@@ -40,8 +40,12 @@ def track(tmp_path_factory):
 
 
 def test_a_recording_is_described_as_by_the_program(turn, program):
-    file = turn / "flight.mvnx"
-    assert same(program("--json", "inspect", file), bodyflight.inspect(file))
+    file, told = turn / "flight.mvnx", []
+    assert same(program("--json", "inspect", file), bodyflight.inspect(file, progress=told.append))
+    assert max(told) > 5.0
+    # An exception ends the work.
+    with pytest.raises(ZeroDivisionError):
+        bodyflight.inspect(file, progress=lambda _: 1 / 0)
 
 
 def test_a_jump_is_analysed_as_by_the_program(track, program):
@@ -54,12 +58,17 @@ def test_a_jump_is_analysed_as_by_the_program(track, program):
         bodyflight.fall(still)
     with pytest.raises(bodyflight.BadInput, match="mass: expected 30 to 300, found 850"):
         bodyflight.fall(track, mass=850)
+    shares = []
+    book = bodyflight.fall(track.parent, progress=shares.append)
+    assert book["tracks"] == 2 and shares and all(0.0 <= share <= 1.0 for share in shares)
 
 
 def test_a_failed_validation_tells_its_report(track, acrobatics):
     """This flight alone is predicted a little worse than the checks allow for both that are bundled."""
+    shares = []
     with pytest.raises(bodyflight.Disagreement, match="expected at most") as raised:
-        bodyflight.validate([track, acrobatics])
+        bodyflight.validate([track, acrobatics], progress=shares.append)
+    assert shares and all(0.0 <= share <= 1.0 for share in shares)
     report = raised.value.report
     assert len(report["falls"]) == 1
     assert [check["data"] for check in report["checks"] if not check["holds"]] == ["flight-1"]

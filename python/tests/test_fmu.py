@@ -1,4 +1,4 @@
-"""The skydiver as an FMI 3.0 unit, validated and simulated by FMPy."""
+"""The skydiver as a unit of FMI 2.0 and 3.0, validated and simulated by FMPy."""
 
 import shutil
 
@@ -8,16 +8,17 @@ import pytest
 
 fmpy = pytest.importorskip("fmpy")
 
+from fmpy.fmi2 import FMU2Slave  # noqa: E402
 from fmpy.fmi3 import FMU3Slave  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
 
 
-@pytest.fixture(scope="module")
-def unit(turn, tmp_path_factory):
+@pytest.fixture(scope="module", params=["2.0", "3.0"])
+def unit(request, turn, tmp_path_factory):
     """A unit with the person and the air of the flight with turns."""
     path = tmp_path_factory.mktemp("unit") / "skydiver.fmu"
-    report = bodyflight.fmu(turn / "flight.toml", path)
-    assert report["bytes"] == path.stat().st_size
+    report = bodyflight.fmu(turn / "flight.toml", path, fmi=request.param)
+    assert report["bytes"] == path.stat().st_size and report["standard"] == request.param
     return path
 
 
@@ -28,14 +29,19 @@ class Unit:
         description = fmpy.read_model_description(path)
         self.references = {one.name: one.valueReference for one in description.modelVariables}
         self.folder = fmpy.extract(path)
-        self.slave = FMU3Slave(
+        self.is_new = description.fmiVersion == "3.0"
+        self.slave = (FMU3Slave if self.is_new else FMU2Slave)(
             guid=description.guid,
             unzipDirectory=self.folder,
             modelIdentifier=description.coSimulation.modelIdentifier,
             instanceName="skydiver",
         )
         self.slave.instantiate(loggingOn=True)
-        self.slave.enterInitializationMode(startTime=0.0)
+        if self.is_new:
+            self.slave.enterInitializationMode(startTime=0.0)
+        else:
+            self.slave.setupExperiment(startTime=0.0)
+            self.slave.enterInitializationMode()
 
     def __enter__(self):
         return self
@@ -46,16 +52,28 @@ class Unit:
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def set(self, values):
-        self.slave.setFloat64([self.references[name] for name in values], list(map(float, values.values())))
+        put = self.slave.setFloat64 if self.is_new else self.slave.setReal
+        put([self.references[name] for name in values], list(map(float, values.values())))
 
     def get(self, *names):
-        return np.array(self.slave.getFloat64([self.references[name] for name in names]))
+        read = self.slave.getFloat64 if self.is_new else self.slave.getReal
+        return np.array(read([self.references[name] for name in names]))
+
+    def save(self):
+        return self.slave.getFMUState() if self.is_new else self.slave.getFMUstate()
+
+    def restore(self, state):
+        (self.slave.setFMUState if self.is_new else self.slave.setFMUstate)(state)
+
+    def forget(self, state):
+        (self.slave.freeFMUState if self.is_new else self.slave.freeFMUstate)(state)
 
 
 def test_it_conforms_to_the_standard(unit):
     assert validate_fmu(str(unit)) == []
     description = fmpy.read_model_description(unit, validate=True)
-    assert description.fmiVersion == "3.0" and description.coSimulation is not None
+    assert description.fmiVersion in ("2.0", "3.0") and description.coSimulation is not None
+    assert description.unitDefinitions and all(one.unit for one in description.modelVariables)
 
 
 def test_it_falls_at_the_trimmed_speed_in_simulation(unit):
@@ -114,13 +132,18 @@ def test_a_saved_state_is_restored(unit):
     with Unit(unit) as skydiver:
         skydiver.slave.exitInitializationMode()
         skydiver.slave.doStep(0.0, 0.1)
-        kept = skydiver.slave.getFMUState()
+        kept = skydiver.save()
         skydiver.slave.doStep(0.1, 0.1)
         first = skydiver.get("position.up", "velocity.up", "time")
-        skydiver.slave.setFMUState(kept)
+        skydiver.restore(kept)
         skydiver.slave.doStep(0.1, 0.1)
         np.testing.assert_array_equal(skydiver.get("position.up", "velocity.up", "time"), first)
-        skydiver.slave.freeFMUState(kept)
+        skydiver.forget(kept)
+
+
+def test_an_unknown_version_is_refused(turn, tmp_path):
+    with pytest.raises(bodyflight.BadInput, match="version of FMI"):
+        bodyflight.fmu(turn / "flight.toml", tmp_path / "skydiver.fmu", fmi="1.0")
 
 
 def test_impossible_values_are_refused(unit):

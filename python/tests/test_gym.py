@@ -10,6 +10,7 @@ import pytest
 gymnasium = pytest.importorskip("gymnasium")
 
 import bodyflight  # noqa: E402
+import bodyflight.goal as goal  # noqa: E402
 import bodyflight.gym as gym  # noqa: E402
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
@@ -256,6 +257,79 @@ def test_a_render_mode_is_refused_by_name_and_none_is_accepted():
             kind()
 
 
+def test_a_picture_shows_the_body_and_points_to_the_goal():
+    env = gym.SkydiverEnv("turn", render_mode="rgb_array", width=120, height=90)
+    env.reset(seed=1)
+    first = env.render()
+    assert first.shape == (90, 120, 3) and first.dtype == np.uint8
+    np.testing.assert_array_equal(env.render(), first)
+    state = env.get_state()
+    names = bodyflight.gym.Environments.state_names
+
+    def shown(**numbers):
+        changed = state.copy()
+        for name, number in numbers.items():
+            changed[names.index(name)] = number
+        env.set_state(changed)
+        return env.render().astype(int)
+
+    def green(picture):
+        return (picture[..., 1] > picture[..., 0] + 30) & (picture[..., 1] > picture[..., 2] + 30)
+
+    # The mark is at one side, and at the other for the opposite heading.
+    sides = [np.argwhere(green(shown(wanted_heading_sin=side, wanted_heading_cos=0.0)))[:, 1].mean() for side in [1.0, -1.0]]
+    assert (sides[0] - 60) * (sides[1] - 60) < 0
+
+    # On its back, the body shows its front: more orange than grey.
+    def orange(picture):
+        return int((picture[..., 0] > picture[..., 2] + 40).sum())
+
+    w, x, y, z = state[:4]
+    belly = orange(shown())
+    # Half a turn about the body's long axis.
+    back = orange(shown(attitude_w=-z, attitude_x=y, attitude_y=-x, attitude_z=w))
+    assert back > 3 * belly
+    assert gym.SkydiverEnv("turn").render() is None
+    many = gym.SkydiverVectorEnv(2, "turn", render_mode="rgb_array", width=40, height=30)
+    many.reset(seed=1)
+    assert [picture.shape for picture in many.render()] == [(30, 40, 3)] * 2
+    with pytest.raises(bodyflight.BadInput, match="pixels"):
+        gym.SkydiverEnv(render_mode="rgb_array", width=0).render()
+
+
+@pytest.mark.parametrize("task", goal.TASKS)
+def test_goals_and_rewards_are_those_of_the_flight(task):
+    env = gymnasium.make("bodyflight/SkydiverGoal-v0", task=task)
+    plain = gym.SkydiverEnv(task)
+    seen, _ = env.reset(seed=5)
+    wanted, _ = plain.reset(seed=5)
+    achieved, desired, rewards, random = [], [], [], np.random.default_rng(2)
+    for _ in range(60):
+        action = random.uniform(-0.4, 0.4, env.action_space.shape)
+        seen, reward, terminated, truncated, info = env.step(action)
+        wanted, *_ = plain.step(action)
+        assert env.observation_space.contains(seen)
+        np.testing.assert_array_equal(seen["observation"], wanted[:13])
+        assert reward == (0.0 if info["is_success"] else -1.0)
+        for kept, part in [(achieved, seen["achieved_goal"]), (desired, seen["desired_goal"]), (rewards, reward)]:
+            kept.append(part)
+    # All rewards at once, as hindsight experience replay computes them.
+    np.testing.assert_array_equal(env.unwrapped.compute_reward(np.array(achieved), np.array(desired), None), rewards)
+    # A goal that is what was achieved is reached.
+    assert (env.unwrapped.compute_reward(np.array(achieved), np.array(achieved), [{}] * 60) == 0.0).all()
+    state = dict(zip(bodyflight.gym.Environments.state_names, plain.get_state()))
+    if task == "turn":
+        left = np.arctan2(desired[-1][0], desired[-1][1]) - np.arctan2(achieved[-1][0], achieved[-1][1])
+        assert np.sin(left) == pytest.approx(wanted[gym.OBSERVED.index("turn_left_sin")], abs=1e-5)
+    else:
+        way = np.array([state["target_north_m"] - state["position_north_m"], state["target_west_m"] - state["position_west_m"]])
+        np.testing.assert_allclose((desired[-1] - achieved[-1]) * 10.0, way, atol=1e-4)
+    dense = goal.SkydiverGoalEnv(task, reward="dense")
+    assert dense.compute_reward([0.0, 0.0], [3.0, 4.0], {}) == -5.0
+    with pytest.raises(ValueError, match="expected 'sparse' or 'dense'"):
+        goal.SkydiverGoalEnv(task, reward="often")
+
+
 def test_the_registered_environment_states_its_limit():
     env = gymnasium.make("bodyflight/Skydiver-v0")
     assert env.spec.max_episode_steps == env.unwrapped._flights.limit == 300
@@ -266,7 +340,7 @@ def test_the_registered_environment_states_its_limit():
 
 
 def test_every_method_of_an_environment_is_typed():
-    for kind in (gym.SkydiverEnv, gym.SkydiverVectorEnv):
+    for kind in (gym.SkydiverEnv, gym.SkydiverVectorEnv, goal.SkydiverGoalEnv):
         for name, method in vars(kind).items():
             if inspect.isfunction(method):
                 signature = inspect.signature(method)

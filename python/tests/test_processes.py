@@ -103,6 +103,25 @@ def test_flights_persons_and_runs_are_copied_whole(turn, copied, monkeypatch, tm
     assert kept.measured.tobytes() == run.measured.tobytes()
 
 
+@pytest.mark.parametrize("copied", [lambda it: pickle.loads(pickle.dumps(it)), copy.deepcopy])
+def test_recordings_estimations_and_comparisons_are_copied_whole(turn, copied, tmp_path):
+    flight = bodyflight.Flight(turn)
+    found = bodyflight.estimate(flight)
+    made = [flight.read(), found, bodyflight.compare(flight, flight)]
+    for it in made:
+        same = copied(it)
+        for name in [name for name in dir(it) if not name.startswith("__") and not callable(getattr(it, name))]:
+            one, other = getattr(it, name), getattr(same, name)
+            if isinstance(one, np.ndarray):
+                assert one.tobytes() == other.tobytes() and one.shape == other.shape, name
+            elif not isinstance(one, bodyflight.MotionArrays):
+                assert one == other, name
+    assert copied(made[0]).motion.velocity.tobytes() == made[0].motion.velocity.tobytes()
+    found.write_csv(tmp_path / "one.csv")
+    copied(found).write_csv(tmp_path / "other.csv")
+    assert (tmp_path / "other.csv").read_bytes() == (tmp_path / "one.csv").read_bytes()
+
+
 def test_a_person_with_a_segment_table_is_copied_with_it(tmp_path):
     (tmp_path / "segments.json").write_text('{"segments": [{"name": "head", "mass": 6.0}]}')
     (tmp_path / "subject.toml").write_text(bodyflight.Subject().to_toml() + '\n')

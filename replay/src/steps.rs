@@ -116,6 +116,11 @@ impl<'a> Replay<'a, Frames> {
 }
 
 impl Replay<'_, Frames> {
+    /// The recording, with its header.
+    pub fn recording(&self) -> &Frames {
+        &self.frames
+    }
+
     /// Why results so far cannot be trusted: faults of the recording, or a simulation that diverged.
     pub fn doubt(&self) -> Option<String> {
         faults(&self.frames.warnings()).or_else(|| self.diverged())

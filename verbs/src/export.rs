@@ -19,6 +19,7 @@ use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_estimation::motion::Method;
 use bodyflight_estimation::report::Point;
 use bodyflight_estimation::request;
+use bodyflight_export::about::{About, PROGRAM};
 use bodyflight_export::columns::csv::CsvTable;
 use bodyflight_export::columns::quantity::{Quantity, Sink};
 use bodyflight_io::diagnostic::{Problem, Result};
@@ -26,8 +27,11 @@ use bodyflight_io::interrupt;
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::Flight;
+use bodyflight_replay::frames::Frames;
 use bodyflight_replay::preset_file::{AUTO, Tuning};
 use bodyflight_replay::steps::{Replay, Step};
+
+use crate::flight_text::flight_text;
 
 /// Description of the written file.
 #[derive(Debug, Clone, Serialize)]
@@ -50,7 +54,7 @@ pub struct Report {
 }
 
 /// Simulates a flight beside its recording and writes every frame, with the motion filter's results if `estimates` is
-/// given.
+/// given. `arguments` are those of the run, for files that keep them.
 ///
 /// # Errors
 /// Returns an error if a file is unusable, the simulation diverges, or the file cannot be written; no partial file is
@@ -60,10 +64,13 @@ pub fn export(
     options: Options,
     (path, format): (&Path, Format),
     estimates: Option<Method>,
+    arguments: &[String],
     progress: &mut dyn FnMut(f64),
 ) -> Result<Report> {
     let entries = entries(estimates.is_some());
-    let mut sink = sink(flight, path, format, &entries)?;
+    let mut replay = Replay::open(flight, options, Precision::Double)?;
+    let about = about(flight, replay.recording(), arguments)?;
+    let mut sink = sink(flight, path, format, &entries, &about)?;
     let estimation = estimates
         .map(|method| {
             let request = request::Request {
@@ -75,7 +82,6 @@ pub fn export(
         })
         .transpose()?;
     let points = estimation.as_ref().map(|found| found.points.as_slice());
-    let mut replay = Replay::open(flight, options, Precision::Double)?;
     let (dynamics, start) = (replay.model().dynamics, *replay.start());
     let mut points = points.unwrap_or_default();
     let mut row = Vec::new();
@@ -133,12 +139,45 @@ fn joint_rates(before: &Step, after: &Step) -> PostureRate<f64> {
     }
 }
 
+/// What the file says about itself.
+fn about(flight: &Flight, recording: &Frames, arguments: &[String]) -> Result<About> {
+    let name = flight.recording.display().to_string();
+    let arguments = serde_json::to_string(arguments)
+        .map_err(|error| Problem::internal("cannot write the arguments").caused_by(error))?;
+    let header = recording.header();
+    let facts = [
+        ("program", Some(PROGRAM.to_owned())),
+        ("arguments", Some(arguments)),
+        ("flight", Some(flight_text(flight, &name))),
+        ("subject", Some(flight.subject.to_toml()?)),
+        (
+            "segments",
+            flight.subject.segments_json().map(str::to_owned),
+        ),
+        ("recorded", header.recorded.clone()),
+        ("subject_label", header.subject_label.clone()),
+    ];
+    let known = facts
+        .into_iter()
+        .filter_map(|(name, fact)| Some((name.to_owned(), fact?)));
+    Ok(About {
+        facts: known.collect(),
+        began: recording.began(),
+    })
+}
+
 /// The file that takes the rows.
-fn sink(flight: &Flight, path: &Path, format: Format, entries: &[Entry]) -> Result<Box<dyn Sink>> {
+fn sink(
+    flight: &Flight,
+    path: &Path,
+    format: Format,
+    entries: &[Entry],
+    about: &About,
+) -> Result<Box<dyn Sink>> {
     let quantities: Vec<Quantity> = entries.iter().map(|entry| entry.quantity.clone()).collect();
     match format {
         Format::Csv => Ok(Box::new(CsvTable::create(path, &quantities)?)),
-        packed => packed::sink(&flight.subject.body(), path, packed, quantities),
+        packed => packed::sink(&flight.subject.body(), (path, packed), &quantities, about),
     }
 }
 

@@ -1,4 +1,4 @@
-//! `bodyflight fmu`: a skydiver as a co-simulation unit of FMI 3.0, for Simulink, OpenModelica and others.
+//! `bodyflight fmu`: a skydiver as a co-simulation unit of FMI 2.0 or 3.0, for Simulink, OpenModelica and others.
 //!
 //! A unit is an archive with `modelDescription.xml`, the library of the crate bodyflight-fmu for this platform, and the
 //! person and the air as resources, which the library reads when it is loaded.
@@ -12,8 +12,10 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use self::archive::archive;
+use crate::flight_text::{SUBJECT_FILE, flight_text};
+pub use bodyflight_fmi::standard::Standard;
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_replay::flight::{DensityChoice, Flight};
+use bodyflight_replay::flight::Flight;
 use bodyflight_replay::subject::SEGMENTS_FILE;
 
 /// Name of the library in the unit, without its extension; FMI calls it the model's identifier.
@@ -27,6 +29,8 @@ const LIBRARY_VARIABLE: &str = "BODYFLIGHT_FMU";
 pub struct Report {
     /// The unit's file.
     pub file: PathBuf,
+    /// The version of FMI.
+    pub standard: &'static str,
     /// The unit's instantiation token.
     pub token: String,
     /// The platform of the library, in FMI's terms.
@@ -60,31 +64,11 @@ pub fn library(given: Option<&Path>) -> Result<PathBuf> {
     })
 }
 
-/// The platform as FMI 3.0 names it: architecture and system.
-fn platform() -> String {
-    let system = match std::env::consts::OS {
-        "macos" => "darwin",
-        other => other,
-    };
-    format!("{}-{system}", std::env::consts::ARCH)
-}
-
 /// The resource files that the library reads: the flight without its recording.
 fn resources(flight: &Flight) -> Result<Vec<(&'static str, String)>> {
-    let [north, west, up] = flight.air_velocity;
-    let density = match flight.density {
-        DensityChoice::Constant(density) => format!("density = {density:?}"),
-        DensityChoice::FirstFrameAltitude(altitude) => format!("altitude_m = {altitude:?}"),
-    };
-    let text = format!(
-        "recording = \"none.mvnx\"\nsubject = \"subject.toml\"\nmuscles = \"{}\"\nmuscle_forces = \"{}\"\n\n\
-         [air]\n{density}\nvelocity = [{north:?}, {west:?}, {up:?}]\n",
-        flight.muscles.name(),
-        flight.muscles.forces.name()
-    );
     let mut files = vec![
-        ("flight.toml", text),
-        ("subject.toml", flight.subject.to_toml()?),
+        ("flight.toml", flight_text(flight, "none.mvnx")),
+        (SUBJECT_FILE, flight.subject.to_toml()?),
     ];
     if let Some(table) = flight.subject.segments_json() {
         files.push((SEGMENTS_FILE, table.to_owned()));
@@ -92,11 +76,11 @@ fn resources(flight: &Flight) -> Result<Vec<(&'static str, String)>> {
     Ok(files)
 }
 
-/// Writes a unit with a flight's person and air, and the given library.
+/// Writes a unit of a version of FMI with a flight's person and air, and the given library.
 ///
 /// # Errors
 /// Returns an error if the library cannot be read or the file cannot be written; no partial file is left.
-pub fn write(flight: &Flight, library: &Path, path: &Path) -> Result<Report> {
+pub fn write(flight: &Flight, standard: Standard, library: &Path, path: &Path) -> Result<Report> {
     let binary = std::fs::read(library).map_err(|error| Problem::system("read", library, error))?;
     let resources = resources(flight)?;
     let mut hasher = Sha256::new();
@@ -106,15 +90,16 @@ pub fn write(flight: &Flight, library: &Path, path: &Path) -> Result<Report> {
     }
     let digest = hasher.finalize();
     let token: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
-    let platform = platform();
+    let platform = standard.platform(std::env::consts::ARCH, std::env::consts::OS);
     let end = std::env::consts::DLL_SUFFIX;
     let mut entries = vec![(format!("binaries/{platform}/{IDENTIFIER}{end}"), binary)];
     let resource = |(name, text): (&str, String)| (format!("resources/{name}"), text.into_bytes());
     entries.extend(resources.into_iter().map(resource));
-    let variables = archive(path, flight, [IDENTIFIER, &token], &entries)?;
+    let variables = archive(path, flight, standard, [IDENTIFIER, &token], &entries)?;
     let size = std::fs::metadata(path).map_err(|error| Problem::system("read", path, error))?;
     Ok(Report {
         file: path.to_path_buf(),
+        standard: standard.name(),
         token,
         platform,
         variables,
@@ -125,6 +110,7 @@ pub fn write(flight: &Flight, library: &Path, path: &Path) -> Result<Report> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bodyflight_replay::flight::DensityChoice;
 
     #[test]
     fn a_unit_has_the_person_and_the_air_of_its_flight() {

@@ -15,6 +15,7 @@ use serde::Serialize;
 use accelerations::Accelerations;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::input::STANDARD_INPUT;
+use bodyflight_io::progress;
 use bodyflight_mvnx::closure::Skeleton;
 use bodyflight_mvnx::recording::{self, CLOSURE_LIMIT, Warning, faults};
 use bodyflight_mvnx::{ArmFrame, Fault, Field, Fields, Frame, ReadOptions, Reader};
@@ -208,6 +209,9 @@ fn inspect_reader<R: BufRead>(mut reader: Reader<R>) -> Result<(Report, Option<W
             (survey.accelerations).see(time, &velocity, acceleration.as_ref());
         }
         survey.take(&mut frame, skeleton.as_ref());
+        if frame.index.is_multiple_of(1024) {
+            progress::at(survey.time(frame.index))?;
+        }
     }
     let arms = skeleton.as_ref().and_then(|skeleton| {
         recording::arm_frame(skeleton, reader.calibration(), first_frames.iter())

@@ -8,6 +8,7 @@ pub mod estimate;
 pub mod export;
 pub mod fall;
 pub mod figures;
+mod flight_text;
 pub mod fmu;
 pub mod hide;
 pub mod import;

@@ -1,5 +1,4 @@
-//! Flights as MCAP files of JSON messages in Foxglove's schemas: a moving body in 3D, and everything else as numbers to
-//! plot.
+//! Flights as MCAP files of messages in Foxglove's schemas: a moving body in 3D, and everything else as numbers to plot.
 
 pub mod messages;
 pub mod recording;

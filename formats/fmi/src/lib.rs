@@ -1,7 +1,9 @@
-//! A skydiver as a co-simulation unit of FMI 3.0: its variables, their description, and the simulation step by step.
+//! A skydiver as a co-simulation unit of FMI 2.0 or 3.0: its variables, their description, and the simulation step by step.
 
 pub mod description;
+pub mod resource_location;
 pub mod skydiver;
+pub mod standard;
 pub mod variables;
 
 #[cfg(doctest)]

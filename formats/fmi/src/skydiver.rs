@@ -284,6 +284,25 @@ mod tests {
     }
 
     #[test]
+    fn yaw_by_muscle_needs_a_pose_that_is_not_symmetric() {
+        let turned = |arm_share: f64, yaw: f64| {
+            let mut skydiver = skydiver();
+            let arm = reference(&skydiver, "joint.l_upperarm.theta");
+            let pose = arm_share * skydiver.get(arm).unwrap();
+            skydiver.set(arm, pose).unwrap();
+            let muscle = reference(&skydiver, "muscle.yaw");
+            skydiver.set(muscle, yaw).unwrap();
+            skydiver.begin(0.0).unwrap();
+            for _ in 0..240 {
+                skydiver.step(1.0 / 240.0).unwrap();
+            }
+            skydiver.get(reference(&skydiver, "body_rate.yaw")).unwrap()
+        };
+        assert!((turned(1.0, 0.5) - turned(1.0, 0.0)).abs() < 1e-9);
+        assert!((turned(0.3, 0.5) - turned(0.3, 0.0)).abs() > 0.01);
+    }
+
+    #[test]
     fn impossible_values_are_refused() {
         let mut skydiver = skydiver();
         skydiver.begin(0.0).unwrap();

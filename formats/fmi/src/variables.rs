@@ -30,7 +30,7 @@ pub struct Variable {
     pub name: String,
     /// Its role.
     pub causality: Causality,
-    /// Unit as FMI writes it; empty if it has none.
+    /// Unit as FMI writes it; 1 for a plain number.
     pub unit: &'static str,
     /// Initial value; that of an output is computed.
     pub start: f64,
@@ -67,6 +67,9 @@ pub mod places {
     /// Number of variables.
     pub const COUNT: usize = SEGMENT_LOADS + 6 * Segment::ALL.len();
 }
+
+/// Meaning of muscle input.
+const MUSCLE: &str = "muscle input coefficient: scales the moment of the air on limbs, so yaw does nothing in a pose whose left and right sides mirror each other";
 
 const INERTIAL: [&str; 3] = ["north", "west", "up"];
 const BODY: [&str; 3] = ["left", "dorsal", "cranial"];
@@ -125,7 +128,7 @@ impl Table {
             "velocity of the pelvic joint over ground, world axes",
         );
         add("velocity", velocity, &[0.0, 0.0, -SPEED]);
-        let turn = ("", "attitude of the body, quaternion world from body");
+        let turn = ("1", "attitude of the body, quaternion world from body");
         add("attitude", turn, &attitude.wxyz());
         add(
             "body_rate",
@@ -151,17 +154,12 @@ pub fn variables(flight: &Flight) -> Vec<Variable> {
         );
     }
     let axes = |group| (group, AXIS_NAMES);
-    table.add(
-        Causality::Input,
-        axes("muscle"),
-        [0.0; 3],
-        ("", "muscle input coefficient"),
-    );
+    table.add(Causality::Input, axes("muscle"), [0.0; 3], ("1", MUSCLE));
     table.add(
         Causality::Input,
         axes("damping"),
         flight.subject.damping().to_array(),
-        ("", "damping coefficient"),
+        ("1", "damping coefficient"),
     );
     table.add(
         Causality::Input,
@@ -207,6 +205,13 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+
+    #[test]
+    fn every_variable_has_a_unit() {
+        for variable in variables(&Flight::bare(Path::new("none.mvnx"))) {
+            assert!(!variable.unit.is_empty(), "{}", variable.name);
+        }
+    }
 
     #[test]
     fn groups_begin_at_their_stated_indices() {

@@ -51,8 +51,8 @@ impl<R: BufRead> Lines<R> {
         }
     }
 
-    /// The words of the next line, `None` at the end.
-    fn next(&mut self) -> Result<Option<Vec<&str>>> {
+    /// The next line, `None` at the end.
+    fn next(&mut self) -> Result<Option<&str>> {
         loop {
             self.line.clear();
             let read = self.input.read_line(&mut self.line);
@@ -64,14 +64,14 @@ impl<R: BufRead> Lines<R> {
                 break;
             }
         }
-        Ok(Some(self.line.split_whitespace().collect()))
+        Ok(Some(&self.line))
     }
 
     /// The words of the next line; at the end of the file, an error that says what was expected.
     fn expect(&mut self, what: &str) -> Result<Vec<String>> {
         let words = self
             .next()?
-            .map(|words| words.into_iter().map(str::to_owned).collect());
+            .map(|line| line.split_whitespace().map(str::to_owned).collect());
         words.ok_or_else(|| {
             let message = format!("the file ends early: expected {what}");
             Problem::bad_input(message).at_line(self.number)
@@ -203,9 +203,12 @@ fn motion(lines: &mut Lines<impl BufRead>, channels: usize) -> Result<(f64, Vec<
     }
     let mut values = Vec::new();
     let mut read = 0;
-    while let Some(words) = lines.next()? {
-        let (count, before) = (words.len(), values.len());
-        values.extend(words.iter().filter_map(|word| parsed(word)));
+    while let Some(line) = lines.next()? {
+        let (mut count, before) = (0, values.len());
+        for word in line.split_ascii_whitespace() {
+            count += 1;
+            values.extend(parsed(word));
+        }
         if values.len() - before != count {
             return Err(lines
                 .problem("expected numbers only")

@@ -58,6 +58,8 @@ pub struct Frame {
     pub line: u64,
     /// Time as written: in milliseconds, in some files in seconds.
     pub written_time: Option<f64>,
+    /// Unix time as written (ms).
+    pub unix_time_ms: Option<u64>,
     /// Name of the event marked at this frame.
     pub marker: Option<String>,
     /// Why the frame must not be used, `None` for a good one.
@@ -99,6 +101,7 @@ impl Frame {
 
     pub(super) fn clear(&mut self) {
         self.written_time = None;
+        self.unix_time_ms = None;
         self.marker = None;
         self.fault = None;
         self.present = Fields::NONE;

@@ -174,12 +174,12 @@ impl<R: BufRead> Reader<R> {
                 Token::Start(element) if element.name() == "frame" => {
                     frame.clear();
                     frame.line = element.line;
-                    let mut index = None;
-                    let mut kind = None;
+                    let (mut index, mut kind) = (None, None);
                     element.attributes(|name, value| {
                         match name {
                             "index" => index = Some(value.trim().to_owned()),
                             "time" => frame.written_time = value.trim().parse().ok(),
+                            "ms" => frame.unix_time_ms = value.trim().parse().ok(),
                             "type" => kind = Some(FrameKind::from_name(value)),
                             _ => {}
                         }

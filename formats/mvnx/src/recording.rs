@@ -22,6 +22,7 @@ pub use mounting::Mounting;
 use std::collections::VecDeque;
 use std::io::BufRead;
 use std::path::Path;
+use std::time::Duration;
 
 use bodyflight_core::SegmentArray;
 use bodyflight_core::frame::{Inertial, Vector};
@@ -59,6 +60,7 @@ pub struct Recording<R: BufRead> {
     skeleton: Skeleton,
     arm_frame: ArmFrame,
     closure_error: f64,
+    began: Option<Duration>,
     bridge: bridge::Bridge,
     watch: watch::Watch,
     mountings: mounting::Mountings,
@@ -144,6 +146,10 @@ impl<R: BufRead> Recording<R> {
         let arm_frame = options.arm_frame.unwrap_or(told);
         let frame_rate = reader.header().frame_rate;
         let bridge = bridge::Bridge::new(frame_rate, options.bad_frames);
+        let began = ahead.iter().find_map(|frame| {
+            let since = Duration::try_from_secs_f64(bridge.time(frame.index)).ok()?;
+            Duration::from_millis(frame.unix_time_ms?).checked_sub(since)
+        });
         Ok(Self {
             reader,
             ahead,
@@ -152,6 +158,7 @@ impl<R: BufRead> Recording<R> {
             skeleton,
             arm_frame,
             closure_error,
+            began,
             bridge,
             watch: watch::Watch::new(frame_rate),
             mountings: mounting::Mountings::default(),
@@ -163,6 +170,11 @@ impl<R: BufRead> Recording<R> {
     /// The header of the file.
     pub fn header(&self) -> &Header {
         self.reader.header()
+    }
+
+    /// Unix time of frame 0, if the frames have it (to 1 ms).
+    pub fn began(&self) -> Option<Duration> {
+        self.began
     }
 
     /// Convention in which the file gives the arms, and the closure error (m) of the convention that fits best. Frames

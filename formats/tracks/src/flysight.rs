@@ -12,7 +12,7 @@ mod table;
 use std::path::Path;
 
 use bodyflight_core::frame::{Inertial, Vector};
-use chrono::NaiveDateTime;
+use chrono::NaiveDate;
 use nalgebra::Vector3;
 
 use bodyflight_falls::Sample;
@@ -201,7 +201,13 @@ pub(crate) fn track(text: &[u8], path: &Path) -> Result<track::Track> {
 fn seconds(text: &str) -> Option<f64> {
     let text = text.trim_end_matches('Z');
     let (whole, part) = text.split_once('.').unwrap_or((text, "0"));
-    let whole = NaiveDateTime::parse_from_str(whole, "%Y-%m-%dT%H:%M:%S").ok()?;
+    let (date, clock) = whole.split_once('T')?;
+    let [year, month, day] = numbers(date, '-')?;
+    let [hour, minute, second] = numbers(clock, ':')?;
+    let day = NaiveDate::from_ymd_opt(i32::try_from(year).ok()?, month, day)?;
+    // A leap second has the time of the one before it.
+    let second = if second == 60 { 59 } else { second };
+    let whole = day.and_hms_opt(hour, minute, second)?;
     let (sign, digits) = match part.strip_prefix('-') {
         Some(digits) => (-1.0, digits),
         None => (1.0, part),
@@ -209,12 +215,20 @@ fn seconds(text: &str) -> Option<f64> {
     if digits.is_empty() || digits.len() > 9 || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
         return None;
     }
-    let share: f64 = format!("0.{digits}").parse().ok()?;
+    let count: u32 = digits.parse().ok()?;
+    let parts = 10_u32.pow(u32::try_from(digits.len()).ok()?);
     #[expect(
         clippy::cast_precision_loss,
         reason = "exact for any date of the calendar"
     )]
-    Some(whole.and_utc().timestamp() as f64 + sign * share)
+    Some(whole.and_utc().timestamp() as f64 + sign * (f64::from(count) / f64::from(parts)))
+}
+
+/// Three whole numbers with a separator between them.
+fn numbers(text: &str, separator: char) -> Option<[u32; 3]> {
+    let mut parts = text.split(separator).map(|part| part.parse().ok());
+    let found = [parts.next()??, parts.next()??, parts.next()??];
+    parts.next().is_none().then_some(found)
 }
 
 fn fix(row: &Row<'_>, flat: &mut Flat) -> core::result::Result<Fix, String> {

@@ -91,7 +91,14 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let bar = FlightBar::new("exporting", &flight);
     let mut progress = |time: f64| bar.at(time);
     let options = args.reading.options();
-    let report = export(&flight, options, (&path, format), estimates, &mut progress);
+    let report = export(
+        &flight,
+        options,
+        (&path, format),
+        estimates,
+        &terminal::argument_texts(),
+        &mut progress,
+    );
     bar.end();
     let report = report?;
     terminal::note_assumed_subject(&flight);

@@ -40,6 +40,12 @@ pub(super) fn arguments() -> &'static [OsString] {
     ARGUMENTS.get().map_or(&[], Vec::as_slice)
 }
 
+/// The program's arguments as text, without its name.
+pub(super) fn argument_texts() -> Vec<String> {
+    let lossy = |argument: &OsString| argument.to_string_lossy().into_owned();
+    arguments().iter().skip(1).map(lossy).collect()
+}
+
 /// Writes a line to standard output. A closed pipe is not an error; [`finish`] reports other failures.
 pub(super) fn print(text: &str) {
     line(text);
@@ -77,10 +83,9 @@ struct MadeBy {
 /// # Errors
 /// Returns an error if the result cannot be written as JSON.
 pub(super) fn print_json(result: &impl Serialize) -> Result<()> {
-    let lossy = |argument: &OsString| argument.to_string_lossy().into_owned();
     let made_by = MadeBy {
         version: env!("CARGO_PKG_VERSION"),
-        arguments: arguments().iter().skip(1).map(lossy).collect(),
+        arguments: argument_texts(),
         inputs: input::claimed(),
     };
     print_plain_json(&Answer { made_by, result })

@@ -87,6 +87,14 @@ class MotionArrays:
     def angular_velocity(self) -> _Floats: ...
 
 class Recording:
+    def __init__(
+        self,
+        time: _Floats,
+        motion: MotionArrays,
+        parent_from_segment: _Floats,
+        bridged: NDArray[np.bool_],
+        warnings: list[str],
+    ) -> None: ...
     @property
     def time(self) -> _Floats: ...
     @property
@@ -116,6 +124,17 @@ class Run:
 
 class Estimation:
     columns: ClassVar[list[str]]
+    def __init__(
+        self,
+        time: _Floats,
+        inputs: _Floats,
+        deviation: _Floats,
+        nis: _Floats,
+        consistency: list[str],
+        doubt: str | None,
+        report: dict[str, Any],
+        table: str,
+    ) -> None: ...
     @property
     def time(self) -> _Floats: ...
     @property
@@ -134,6 +153,20 @@ class Estimation:
 
 class Comparison:
     channels: ClassVar[list[str]]
+    def __init__(
+        self,
+        time: _Floats,
+        a: _Floats,
+        b: _Floats,
+        joints: list[str],
+        a_angles: _Floats,
+        b_angles: _Floats,
+        difference: _Floats,
+        deviation: _Floats,
+        first: str,
+        doubt: str | None,
+        report: dict[str, Any],
+    ) -> None: ...
     @property
     def time(self) -> _Floats: ...
     @property
@@ -239,6 +272,9 @@ class Environments:
         """Flies ``actions`` (n by 8). Returns observations (n by 17), rewards, terminated and truncated (n each), the terms of
         the rewards (n by 5) and success (n)."""
 
+    def render(self, index: int, width: int, height: int) -> NDArray[np.uint8]:
+        """Draws one environment, height by width by 3."""
+
     def get_state(self) -> NDArray[np.float32]:
         """Returns everything that the environments consist of, n by 35."""
 
@@ -293,7 +329,9 @@ def mechanics(
 ) -> Mechanics: ...
 def posture(start: _Start = "neutral", angles: Mapping[str, float] | None = None) -> _Floats: ...
 def linearize(subject: Subject | None = None, *, density: float = 1.0) -> Linearization: ...
-def inspect(file: _Path, *, mapping: _Path | None = None, subject: Subject | None = None) -> dict[str, Any]: ...
+def inspect(
+    file: _Path, *, mapping: _Path | None = None, subject: Subject | None = None, progress: _Progress = None
+) -> dict[str, Any]: ...
 def import_recording(
     file: _Path,
     out: _Path,
@@ -311,8 +349,9 @@ def fall(
     ground_temperature_celsius: float | None = None,
     reference_height_m: float | None = None,
     beside: _Path | None = None,
+    progress: _Progress = None,
 ) -> dict[str, Any]: ...
-def validate(paths: Sequence[_Path] = ()) -> dict[str, Any]: ...
+def validate(paths: Sequence[_Path] = (), *, progress: _Progress = None) -> dict[str, Any]: ...
 def figures(
     flight: Flight,
     out: _Path,
@@ -373,7 +412,14 @@ def export(
     force: bool = False,
     progress: _Progress = None,
 ) -> dict[str, Any]: ...
-def fmu(subject: _Path, out: _Path, *, library: _Path | None = None, force: bool = False) -> dict[str, Any]: ...
+def fmu(
+    subject: _Path,
+    out: _Path,
+    *,
+    fmi: Literal["2.0", "3.0"] = "3.0",
+    library: _Path | None = None,
+    force: bool = False,
+) -> dict[str, Any]: ...
 def record(
     actions: ArrayLike,
     out: _Path,
@@ -387,7 +433,12 @@ def record(
 ) -> int: ...
 def program(arguments: Sequence[str]) -> int: ...
 def discover(
-    flights: Sequence[Flight], *, hold_out: Sequence[Flight] = (), max_effects: int = 3, seed: int = 1
+    flights: Sequence[Flight],
+    *,
+    hold_out: Sequence[Flight] = (),
+    max_effects: int = 3,
+    seed: int = 1,
+    progress: _Progress = None,
 ) -> dict[str, Any]: ...
 def sweep(
     flight: Flight,

@@ -6,7 +6,9 @@
 numbers) holds what a motion-capture suit measures and the goal of the task, scaled to about one; ``OBSERVED`` names them.
 
 ``info`` holds the terms whose sum is the reward, ``reward_upright`` and so on, and ``is_success``: whether the body is still and
-where the task wants it to be. Environments can be copied and pickled in the middle of an episode.
+where the task wants it to be. Environments can be copied and pickled in the middle of an episode. With
+``render_mode="rgb_array"``, ``render`` draws the body from outside; a green mark points to the goal. ``bodyflight.goal`` has
+environments with goal dictionaries.
 """
 
 from __future__ import annotations
@@ -101,8 +103,7 @@ class _Flights:
 def _check(render_mode: str | None, known: list[str]) -> None:
     if render_mode is not None and render_mode not in known:
         raise ValueError(
-            f"render_mode: expected one of metadata['render_modes'], which is {known}, or None, found {render_mode!r}; "
-            "bodyflight.record and bodyflight.view show a flight instead"
+            f"render_mode: expected one of metadata['render_modes'], which is {known}, or None, found {render_mode!r}"
         )
 
 
@@ -113,11 +114,21 @@ class SkydiverEnv(gymnasium.Env[_Observation, _Observation]):
     of ten seconds with the usual 30 actions a second, unless it is given ``max_episode_steps``.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}  # type: ignore[misc]
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 30}  # type: ignore[misc]
 
-    def __init__(self, task: str = "hold", *, render_mode: str | None = None, **options: Any) -> None:
+    def __init__(
+        self,
+        task: str = "hold",
+        *,
+        render_mode: str | None = None,
+        width: int = 480,
+        height: int = 480,
+        **options: Any,
+    ) -> None:
         _check(render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
+        #: Size of a picture (pixels).
+        self.width, self.height = width, height
         self._flights = _Flights(1, task, **options)
         self._flies = np.zeros(1, dtype=bool)
         self.action_space = self._flights.action_space
@@ -136,6 +147,12 @@ class SkydiverEnv(gymnasium.Env[_Observation, _Observation]):
         info = dict(zip(REWARD_TERMS, map(float, terms[0])), is_success=bool(success[0]))
         return seen[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), info
 
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """Returns a picture, ``height`` by ``width`` by 3; None without a ``render_mode``."""
+        if self.render_mode is None:
+            return None
+        return self._flights.environments.render(0, self.width, self.height)
+
     def get_state(self) -> NDArray[np.float32]:
         """Returns everything that the flight consists of, in the order of ``Environments.state_names``."""
         state: NDArray[np.float32] = self._flights.environments.get_state()[0]
@@ -151,7 +168,11 @@ class SkydiverEnv(gymnasium.Env[_Observation, _Observation]):
 class SkydiverVectorEnv(VectorEnv):
     """Many skydivers in parallel, on all cores. An environment whose episode has ended is reset by the next step."""
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # type: ignore[misc]
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+        "render_modes": ["rgb_array"],
+        "render_fps": 30,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
 
     def __init__(
         self,
@@ -159,11 +180,15 @@ class SkydiverVectorEnv(VectorEnv):
         task: str = "hold",
         *,
         render_mode: str | None = None,
+        width: int = 480,
+        height: int = 480,
         max_episode_steps: int | None = None,
         **options: Any,
     ) -> None:
         _check(render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
+        #: Size of a picture (pixels).
+        self.width, self.height = width, height
         self.num_envs = num_envs
         self._flights = _Flights(num_envs, task, max_episode_steps, **options)
         self._ended = np.zeros(num_envs, dtype=bool)
@@ -195,6 +220,13 @@ class SkydiverVectorEnv(VectorEnv):
         # Gymnasium's masks: which environments say something.
         info.update({f"_{key}": ~resting for key in list(info)})
         return seen, reward, terminated, truncated, info
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:  # type: ignore[override]
+        """Returns a picture of each environment, ``height`` by ``width`` by 3; None without a ``render_mode``."""
+        if self.render_mode is None:
+            return None
+        size = (self.width, self.height)
+        return tuple(self._flights.environments.render(index, *size) for index in range(self.num_envs))
 
     def get_state(self) -> NDArray[np.float32]:
         """Returns everything that the flights consist of, n by 35 in the order of ``Environments.state_names``."""

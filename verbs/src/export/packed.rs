@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use bodyflight_core::{Body, Segment};
+use bodyflight_export::about::About;
 use bodyflight_export::columns::npz::NpzArchive;
 use bodyflight_export::columns::parquet::ParquetTable;
 use bodyflight_export::columns::quantity::{Quantity, Sink};
@@ -15,20 +16,21 @@ use super::format::Format;
 /// The file that takes the rows.
 pub(super) fn sink(
     body: &Body<f64>,
-    path: &Path,
-    format: Format,
-    quantities: Vec<Quantity>,
+    (path, format): (&Path, Format),
+    quantities: &[Quantity],
+    about: &About,
 ) -> Result<Box<dyn Sink>> {
     Ok(match format {
-        Format::Npz => Box::new(NpzArchive::create(path, quantities)?),
+        Format::Npz => Box::new(NpzArchive::create(path, quantities.to_vec())?),
         Format::Mcap => {
             let solid = |segment: Segment| Solid {
                 half_extents: half_extents(&body.segments[segment].area).into(),
                 middle: body.segments[segment].cg.into(),
+                joint_offset: body.segments[segment].joint_offset.into(),
             };
             let solids = Segment::ALL.map(solid).to_vec();
-            Box::new(McapRecording::create(path, quantities, solids)?)
+            Box::new(McapRecording::create(path, quantities, solids, about)?)
         }
-        Format::Parquet | Format::Csv => Box::new(ParquetTable::create(path, &quantities)?),
+        Format::Parquet | Format::Csv => Box::new(ParquetTable::create(path, quantities, about)?),
     })
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use bodyflight_core::Body;
+use bodyflight_export::about::About;
 use bodyflight_export::columns::quantity::{Quantity, Sink};
 use bodyflight_io::diagnostic::{Problem, Result};
 
@@ -11,9 +12,9 @@ use super::format::Format;
 /// Says that this program cannot write the format.
 pub(super) fn sink(
     _: &Body<f64>,
-    _: &Path,
-    format: Format,
-    _: Vec<Quantity>,
+    (_, format): (&Path, Format),
+    _: &[Quantity],
+    _: &About,
 ) -> Result<Box<dyn Sink>> {
     let what = format!("the format {}", format.name());
     Err(Problem::not_built_in(&what))

@@ -6,6 +6,7 @@ use std::path::Path;
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 use bodyflight_fmi::description::description;
+use bodyflight_fmi::standard::Standard;
 use bodyflight_fmi::variables::variables;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::AtomicFile;
@@ -19,11 +20,12 @@ use bodyflight_replay::flight::Flight;
 pub(super) fn archive(
     path: &Path,
     flight: &Flight,
+    standard: Standard,
     [identifier, token]: [&str; 2],
     entries: &[(String, Vec<u8>)],
 ) -> Result<usize> {
     let variables = variables(flight);
-    let description = description(identifier, token, &variables);
+    let description = description(standard, identifier, token, &variables);
     let refused = |error: zip::result::ZipError| {
         Problem::refused("cannot write the unit")
             .in_file(path)

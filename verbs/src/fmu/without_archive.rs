@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use bodyflight_fmi::standard::Standard;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::Flight;
 
@@ -9,6 +10,7 @@ use bodyflight_replay::flight::Flight;
 pub(super) fn archive(
     _: &Path,
     _: &Flight,
+    _: Standard,
     _: [&str; 2],
     _: &[(String, Vec<u8>)],
 ) -> Result<usize> {

@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use super::activity::Activities;
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::progress;
 use bodyflight_mvnx::recording::{FlightFrame, Options, Recording, Warning};
 use bodyflight_replay::person::compared;
 use bodyflight_replay::subject::Subject;
@@ -65,6 +66,9 @@ pub(crate) fn inspected(path: &Path, person: Option<&Body<f64>>) -> Result<Fligh
         picture.get_or_insert_with(|| super::picture::first_frame(&body, &frame));
         centres.add(&body, &frame);
         activities.see(&frame);
+        if frame.index.is_multiple_of(1024) {
+            progress::at(frame.time)?;
+        }
     }
     let mut warnings = recording.warnings();
     warnings.extend(person.and_then(|body| compared(recording.header(), body, true)));

@@ -1,4 +1,5 @@
-//! Columns as Parquet: 64-bit numbers, with unit and meaning in the metadata of each field.
+//! Columns as Parquet: 64-bit numbers, with unit and meaning in the metadata of each field, and facts about the flight in
+//! those of the file.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -8,9 +9,11 @@ use arrow_array::{ArrayRef, Float64Array, RecordBatch};
 use arrow_schema::{DataType, Field, Schema};
 use parquet::arrow::ArrowWriter;
 use parquet::basic::Compression;
+use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 
 use super::quantity::{Quantity, Sink};
+use crate::about::{About, PROGRAM};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::AtomicFile;
 
@@ -31,7 +34,7 @@ impl ParquetTable {
     ///
     /// # Errors
     /// Returns an error if the folder cannot be written to.
-    pub fn create(path: &Path, quantities: &[Quantity]) -> Result<Self> {
+    pub fn create(path: &Path, quantities: &[Quantity], about: &About) -> Result<Self> {
         let fields = quantities.iter().flat_map(|quantity| {
             let about = HashMap::from([
                 ("unit".to_owned(), quantity.unit.symbol.to_owned()),
@@ -45,11 +48,14 @@ impl ParquetTable {
         let fields: Vec<Field> = fields.collect();
         let columns = vec![Vec::with_capacity(GROUP); fields.len()];
         let schema = Arc::new(Schema::new(fields));
+        let facts = about.facts.iter();
+        let facts = facts.map(|(name, fact)| KeyValue::new(name.clone(), fact.clone()));
         let properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
             // Values hardly ever repeat, so a dictionary would only take space.
             .set_dictionary_enabled(false)
-            .set_created_by(format!("bodyflight {}", env!("CARGO_PKG_VERSION")))
+            .set_created_by(PROGRAM.to_owned())
+            .set_key_value_metadata(Some(facts.collect()))
             .build();
         let file = AtomicFile::create(path)?;
         let writer = ArrowWriter::try_new(file, schema.clone(), Some(properties));

@@ -1,157 +1,127 @@
-//! Messages in Foxglove's schemas, as far as a body needs them.
+//! Messages in Foxglove's schemas, as far as a body needs them. Field numbers are those of `schemas`.
 
-use serde::{Serialize, Serializer};
+use std::time::Duration;
 
-/// Numbers are rounded to nine decimals: finer than any sensor, and the file is half as large.
-const DECIMALS: f64 = 1e9;
+use crate::protobuf::Message;
 
-fn rounded(number: f64) -> f64 {
-    (number * DECIMALS).round() / DECIMALS
+/// A message that knows its encoding.
+pub trait Encode {
+    /// Writes its fields.
+    fn encode(&self, out: &mut Message);
 }
 
-/// A number in JSON; `null` if it is missing.
+/// A vector (x, y, z).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Number(pub f64);
+pub struct Vector3(pub [f64; 3]);
 
-impl Serialize for Number {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        if self.0.is_finite() {
-            serializer.serialize_f64(rounded(self.0))
-        } else {
-            serializer.serialize_none()
+impl Encode for Vector3 {
+    fn encode(&self, out: &mut Message) {
+        for (field, number) in (1..).zip(self.0) {
+            out.double(field, number);
         }
     }
 }
 
-/// A time since frame 0.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct Time {
-    /// Whole seconds.
-    pub sec: u64,
-    /// The rest (ns).
-    pub nsec: u64,
-}
-
-impl Time {
-    /// Zero; as a lifetime, it means forever.
-    pub const ZERO: Self = Self { sec: 0, nsec: 0 };
-
-    /// Converts from seconds.
-    pub fn of(seconds: f64) -> Self {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "saturates; flights begin at 0"
-        )]
-        let all = (seconds * 1e9).round() as u64;
-        Self {
-            sec: all / 1_000_000_000,
-            nsec: all % 1_000_000_000,
-        }
-    }
-
-    /// The total in nanoseconds.
-    pub const fn nanoseconds(self) -> u64 {
-        self.sec * 1_000_000_000 + self.nsec
-    }
-}
-
-/// A vector.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "the names are self-explanatory")]
-pub struct Vector3 {
-    pub x: Number,
-    pub y: Number,
-    pub z: Number,
-}
-
-impl From<[f64; 3]> for Vector3 {
-    fn from([x, y, z]: [f64; 3]) -> Self {
-        Self {
-            x: Number(x),
-            y: Number(y),
-            z: Number(z),
-        }
-    }
-}
-
-/// A rotation.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "the names are self-explanatory")]
-pub struct Quaternion {
-    pub x: Number,
-    pub y: Number,
-    pub z: Number,
-    pub w: Number,
-}
+/// A rotation, as w, x, y, z.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quaternion(pub [f64; 4]);
 
 impl Quaternion {
     /// No rotation.
-    pub const IDENTITY: Self = Self {
-        x: Number(0.0),
-        y: Number(0.0),
-        z: Number(0.0),
-        w: Number(1.0),
-    };
+    pub const IDENTITY: Self = Self([1.0, 0.0, 0.0, 0.0]);
+}
 
-    /// Converts from w, x, y, z.
-    pub const fn from_wxyz([w, x, y, z]: [f64; 4]) -> Self {
-        Self {
-            x: Number(x),
-            y: Number(y),
-            z: Number(z),
-            w: Number(w),
+impl Encode for Quaternion {
+    fn encode(&self, out: &mut Message) {
+        let [w, x, y, z] = self.0;
+        for (field, number) in (1..).zip([x, y, z, w]) {
+            out.double(field, number);
         }
     }
 }
 
 /// A position and an orientation.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(missing_docs, reason = "the names are self-explanatory")]
 pub struct Pose {
     pub position: Vector3,
     pub orientation: Quaternion,
 }
 
+impl Encode for Pose {
+    fn encode(&self, out: &mut Message) {
+        out.message(1, |out| self.position.encode(out));
+        out.message(2, |out| self.orientation.encode(out));
+    }
+}
+
+/// A time: since 1970 if the file knows it, and else since frame 0.
+impl Encode for Duration {
+    fn encode(&self, out: &mut Message) {
+        out.whole(1, self.as_secs());
+        out.whole(2, u64::from(self.subsec_nanos()));
+    }
+}
+
 /// `foxglove.FrameTransform`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 #[expect(missing_docs, reason = "documented in the schema")]
 pub struct FrameTransform<'a> {
-    pub timestamp: Time,
+    pub timestamp: Duration,
     pub parent_frame_id: &'a str,
     pub child_frame_id: &'a str,
-    pub translation: Vector3,
-    pub rotation: Quaternion,
+    pub pose: Pose,
 }
 
 /// `foxglove.FrameTransforms`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "documented in the schema")]
-pub struct FrameTransforms<'a> {
-    pub transforms: Vec<FrameTransform<'a>>,
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameTransforms<'a>(pub Vec<FrameTransform<'a>>);
+
+impl Encode for FrameTransforms<'_> {
+    fn encode(&self, out: &mut Message) {
+        for transform in &self.0 {
+            out.message(1, |out| {
+                out.message(1, |out| transform.timestamp.encode(out));
+                out.text(2, transform.parent_frame_id);
+                out.text(3, transform.child_frame_id);
+                out.message(4, |out| transform.pose.position.encode(out));
+                out.message(5, |out| transform.pose.orientation.encode(out));
+            });
+        }
+    }
 }
 
 /// `foxglove.PoseInFrame`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 #[expect(missing_docs, reason = "documented in the schema")]
 pub struct PoseInFrame<'a> {
-    pub timestamp: Time,
+    pub timestamp: Duration,
     pub frame_id: &'a str,
     pub pose: Pose,
 }
 
-/// `foxglove.Color`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "documented in the schema")]
-pub struct Color {
-    pub r: f64,
-    pub g: f64,
-    pub b: f64,
-    pub a: f64,
+impl Encode for PoseInFrame<'_> {
+    fn encode(&self, out: &mut Message) {
+        out.message(1, |out| self.timestamp.encode(out));
+        out.text(2, self.frame_id);
+        out.message(3, |out| self.pose.encode(out));
+    }
+}
+
+/// `foxglove.Color`: red, green, blue, opacity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Color(pub [f64; 4]);
+
+impl Encode for Color {
+    fn encode(&self, out: &mut Message) {
+        for (field, number) in (1..).zip(self.0) {
+            out.double(field, number);
+        }
+    }
 }
 
 /// `foxglove.SpherePrimitive`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 #[expect(missing_docs, reason = "documented in the schema")]
 pub struct Sphere {
     pub pose: Pose,
@@ -159,8 +129,16 @@ pub struct Sphere {
     pub color: Color,
 }
 
+impl Encode for Sphere {
+    fn encode(&self, out: &mut Message) {
+        out.message(1, |out| self.pose.encode(out));
+        out.message(2, |out| self.size.encode(out));
+        out.message(3, |out| self.color.encode(out));
+    }
+}
+
 /// `foxglove.ArrowPrimitive`; it points along the x axis of its pose.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 #[expect(missing_docs, reason = "documented in the schema")]
 pub struct Arrow {
     pub pose: Pose,
@@ -171,66 +149,49 @@ pub struct Arrow {
     pub color: Color,
 }
 
-/// `foxglove.SceneEntity` with spheres and arrows.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "documented in the schema")]
-pub struct SceneEntity {
-    pub timestamp: Time,
-    pub frame_id: String,
-    pub id: String,
-    pub lifetime: Time,
-    pub frame_locked: bool,
-    pub metadata: [(); 0],
-    pub arrows: Vec<Arrow>,
-    pub cubes: [(); 0],
-    pub spheres: Vec<Sphere>,
-    pub cylinders: [(); 0],
-    pub lines: [(); 0],
-    pub triangles: [(); 0],
-    pub texts: [(); 0],
-    pub models: [(); 0],
-}
-
-impl SceneEntity {
-    /// Creates an empty entity that moves with its frame and stays until it is replaced.
-    pub fn new(timestamp: Time, frame_id: String, id: String) -> Self {
-        Self {
-            timestamp,
-            frame_id,
-            id,
-            lifetime: Time::ZERO,
-            frame_locked: true,
-            metadata: [],
-            arrows: Vec::new(),
-            cubes: [],
-            spheres: Vec::new(),
-            cylinders: [],
-            lines: [],
-            triangles: [],
-            texts: [],
-            models: [],
-        }
+impl Encode for Arrow {
+    fn encode(&self, out: &mut Message) {
+        out.message(1, |out| self.pose.encode(out));
+        out.double(2, self.shaft_length);
+        out.double(3, self.shaft_diameter);
+        out.double(4, self.head_length);
+        out.double(5, self.head_diameter);
+        out.message(6, |out| self.color.encode(out));
     }
 }
 
-/// `foxglove.SceneUpdate`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+/// `foxglove.SceneEntity` with spheres and arrows. It moves with its frame and stays until it is replaced.
+#[derive(Debug, Clone, PartialEq)]
 #[expect(missing_docs, reason = "documented in the schema")]
-pub struct SceneUpdate {
-    pub deletions: [(); 0],
-    pub entities: Vec<SceneEntity>,
+pub struct SceneEntity {
+    pub timestamp: Duration,
+    pub frame_id: String,
+    pub id: String,
+    pub arrows: Vec<Arrow>,
+    pub spheres: Vec<Sphere>,
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// `foxglove.SceneUpdate`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneUpdate(pub Vec<SceneEntity>);
 
-    #[test]
-    fn times_and_numbers_are_written_as_the_schemas_want_them() {
-        let time = Time::of(3.004_166_667);
-        assert_eq!((time.sec, time.nsec), (3, 4_166_667));
-        assert_eq!(time.nanoseconds(), 3_004_166_667);
-        let written = serde_json::to_string(&[Number(1.0 / 3.0), Number(f64::NAN)]).unwrap();
-        assert_eq!(written, "[0.333333333,null]");
+impl Encode for SceneUpdate {
+    fn encode(&self, out: &mut Message) {
+        for entity in &self.0 {
+            out.message(2, |out| {
+                out.message(1, |out| entity.timestamp.encode(out));
+                out.text(2, &entity.frame_id);
+                out.text(3, &entity.id);
+                // A lifetime of zero means forever.
+                out.message(4, |out| Duration::ZERO.encode(out));
+                out.whole(5, 1);
+                for arrow in &entity.arrows {
+                    out.message(7, |out| arrow.encode(out));
+                }
+                for sphere in &entity.spheres {
+                    out.message(9, |out| sphere.encode(out));
+                }
+            });
+        }
     }
 }

@@ -2,101 +2,160 @@
 //!
 //! | topic | schema | rate |
 //! |---|---|---|
-//! | `/tf` | `foxglove.FrameTransforms`: every segment of both bodies in `world` (north, west, up) | every frame |
+//! | `/tf` | `foxglove.FrameTransforms`: every segment of both bodies in its parent, the pelvis in `world` (north, west, up) | 60 Hz |
+//! | `/simulated/pose`, `/measured/pose` | `foxglove.PoseInFrame`: the pose of the pelvis | 60 Hz |
 //! | `/body` | `foxglove.SceneUpdate`: the solids of both bodies, each in the frame of its segment | once |
 //! | `/forces` | `foxglove.SceneUpdate`: the aerodynamic force on each segment as an arrow, 1 m per 100 N | 30 Hz |
-//! | `/simulated/pose`, `/measured/pose` | `foxglove.PoseInFrame`: the pose of the pelvis | every frame |
-//! | `/flight` | `bodyflight.Body`: all numbers of the body, by column name | every frame |
-//! | `/segments` | `bodyflight.Segments`: all numbers of each segment that are not in `/tf` | every frame |
+//! | `/flight` | `bodyflight.Body`: all numbers of the body, by column name; times and places in 64 bits, others in 32 | every frame |
+//! | `/segments` | `bodyflight.Segments`: all numbers of each segment that are not poses, in 32 bits | every frame |
+//!
+//! What is drawn comes at the rate of a screen: the last digits of numbers are noise, which no compression makes smaller.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use bodyflight_core::Segment;
-use mcap::records::MessageHeader;
-use mcap::{McapError, WriteOptions, Writer};
-use serde::Serialize;
 
 use super::messages::{
-    Arrow, Color, FrameTransform, FrameTransforms, Number, Pose, PoseInFrame, Quaternion,
-    SceneEntity, SceneUpdate, Sphere, Time,
+    Arrow, Color, Encode, FrameTransform, FrameTransforms, Pose, PoseInFrame, Quaternion,
+    SceneEntity, SceneUpdate, Sphere, Vector3,
 };
-use super::schemas::{self, Schema};
+use super::schemas;
+use crate::about::{About, PROGRAM};
 use crate::columns::quantity::{Of, Quantity, Sink};
+use crate::mcap::{ChannelId, McapFile};
+use crate::protobuf::Message;
+use crate::protobuf::descriptor::Kind;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::AtomicFile;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::UnitQuaternion;
 
 /// The two bodies, by the prefix of their quantities, with their colours.
 const SIDES: [(&str, Color); 2] = [
-    ("simulated", color(0.85, 0.45, 0.15, 1.0)),
-    ("measured", color(0.35, 0.5, 0.75, 0.4)),
+    ("simulated", Color([0.85, 0.45, 0.15, 1.0])),
+    ("measured", Color([0.35, 0.5, 0.75, 0.4])),
 ];
 /// Colour of the arrows.
-const FORCE: Color = color(0.2, 0.7, 0.3, 0.9);
+const FORCE: Color = Color([0.2, 0.7, 0.3, 0.9]);
 /// Length of an arrow (m/N).
 const ARROW_SCALE: f64 = 0.01;
+/// Poses per second (Hz), as a screen shows them.
+const POSE_RATE: f64 = 60.0;
 /// Arrow updates per second (Hz): no more than the eye can follow.
 const ARROW_RATE: f64 = 30.0;
 /// Name of the world frame.
 const WORLD: &str = "world";
+/// Name of the metadata record.
+const METADATA: &str = "bodyflight";
 
-const fn color(r: f64, g: f64, b: f64, a: f64) -> Color {
-    Color { r, g, b, a }
-}
-
-/// The ellipsoid that is drawn for a segment.
+/// The ellipsoid that is drawn for a segment, and where the segment is in its parent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solid {
     /// Half extents along the axes of the segment (m).
     pub half_extents: [f64; 3],
     /// Its centre relative to the joint, in the same axes (m).
     pub middle: [f64; 3],
+    /// The joint in the axes of the parent (m).
+    pub joint_offset: [f64; 3],
 }
 
-/// A channel with the sequence number of its next message.
-struct Channel {
-    id: u16,
-    sequence: u32,
-}
-
-/// The columns in a row that hold the segment poses of one body.
+/// The columns in a row that hold one body's motion.
 struct Side {
     name: &'static str,
+    /// Frames of the segments, and those of their parents.
     frames: Vec<String>,
+    parents: Vec<Option<String>>,
+    pose: ChannelId,
     position: usize,
     attitude: usize,
 }
 
-/// A file being written.
-pub struct McapRecording {
-    writer: Writer<AtomicFile>,
-    path: PathBuf,
-    quantities: Vec<Quantity>,
-    solids: Vec<Solid>,
-    sides: Vec<Side>,
-    time: usize,
-    forces: usize,
-    centres: usize,
-    transforms: Channel,
-    body: Channel,
-    arrows: Channel,
-    poses: Vec<Channel>,
-    flight: Channel,
-    segments: Channel,
-    arrows_due: f64,
+/// The channels besides those of the bodies.
+struct Channels {
+    transforms: ChannelId,
+    body: ChannelId,
+    arrows: ChannelId,
+    flight: ChannelId,
+    segments: ChannelId,
 }
 
-/// The first column of a quantity in a row.
-fn place(quantities: &[Quantity], of: Of, name: &str) -> Result<usize> {
-    let mut from = 0;
-    for quantity in quantities {
-        if quantity.of == of && quantity.name == name {
-            return Ok(from);
+/// The columns in a row that hold what is drawn.
+struct Places {
+    time: usize,
+    joints: usize,
+    forces: usize,
+    centres: usize,
+}
+
+/// When the next messages at a lower rate than the frames' are due.
+struct Timer {
+    /// Seconds between messages.
+    period: f64,
+    due: f64,
+}
+
+impl Timer {
+    const fn new(rate: f64) -> Self {
+        Self {
+            period: 1.0 / rate,
+            due: f64::NEG_INFINITY,
         }
-        from += quantity.width();
     }
-    Err(Problem::internal(format!("there is no quantity {name}")))
+
+    /// Whether messages are due at a time (s), with a millisecond of tolerance: the frame rate need not be a multiple of
+    /// the messages'.
+    fn rings(&mut self, seconds: f64) -> bool {
+        let is_due = seconds >= self.due - 1e-3;
+        if is_due {
+            let next = self.due + self.period;
+            self.due = if next > seconds {
+                next
+            } else {
+                seconds + self.period
+            };
+        }
+        is_due
+    }
+}
+
+/// Columns of a quantity: the first, and how many belong to one segment or the body.
+type Columns = (usize, usize);
+
+/// A file being written.
+pub struct McapRecording {
+    file: McapFile<AtomicFile>,
+    path: PathBuf,
+    /// Unix time of frame 0, or zero.
+    began: Duration,
+    solids: Vec<Solid>,
+    sides: Vec<Side>,
+    channels: Channels,
+    places: Places,
+    of_body: Vec<(Columns, Kind)>,
+    of_segments: Vec<Columns>,
+    has_body: bool,
+    next_poses: Timer,
+    next_arrows: Timer,
+}
+
+/// Every quantity with its first column in a row.
+fn placed(quantities: &[Quantity]) -> impl Iterator<Item = (usize, &Quantity)> {
+    quantities.iter().scan(0, |next, quantity| {
+        let from = *next;
+        *next += quantity.width();
+        Some((from, quantity))
+    })
+}
+
+/// The first column of a quantity with this many components.
+fn place(quantities: &[Quantity], of: Of, name: &str, parts: usize) -> Result<usize> {
+    let is_it = |quantity: &Quantity| {
+        quantity.of == of && quantity.name == name && quantity.parts.len() == parts
+    };
+    let found = placed(quantities).find(|(_, quantity)| is_it(quantity));
+    found
+        .map(|(from, _)| from)
+        .ok_or_else(|| Problem::internal(format!("there is no quantity {name}")))
 }
 
 /// `N` numbers of a row, starting at `from`; NaN past its end.
@@ -104,13 +163,17 @@ fn taken<const N: usize>(row: &[f64], from: usize) -> [f64; N] {
     core::array::from_fn(|k| row.get(from + k).copied().unwrap_or(f64::NAN))
 }
 
+/// Name of the joints' rotations among the quantities.
+const JOINT: &str = "joint";
+
 /// Whether `/tf` already contains the quantity.
-fn is_pose(quantity: &Quantity) -> bool {
-    SIDES.iter().any(|(side, _)| {
+fn is_transform(quantity: &Quantity) -> bool {
+    let is_pose = SIDES.iter().any(|(side, _)| {
         ["position", "attitude"]
             .iter()
             .any(|what| quantity.name == format!("{side}_{what}"))
-    })
+    });
+    is_pose || (quantity.name == JOINT && quantity.parts.len() == 4)
 }
 
 impl McapRecording {
@@ -118,133 +181,151 @@ impl McapRecording {
     ///
     /// # Errors
     /// Returns an error if the folder cannot be written to.
-    pub fn create(path: &Path, quantities: Vec<Quantity>, solids: Vec<Solid>) -> Result<Self> {
-        let refused = |error| refused(path, error);
-        let options = WriteOptions::new()
-            .compression(None)
-            .library(concat!("bodyflight ", env!("CARGO_PKG_VERSION")));
-        let file = AtomicFile::create(path)?;
-        let mut writer = options.create(file).map_err(refused)?;
-        let mut channel = |topic: &str, schema: &Schema| -> Result<Channel> {
-            let text = schema.schema.to_string();
-            let schema = writer.add_schema(schema.name, "jsonschema", text.as_bytes());
-            let about = BTreeMap::new();
-            let id = writer
-                .add_channel(schema.map_err(refused)?, topic, "json", &about)
-                .map_err(refused)?;
-            Ok(Channel { id, sequence: 0 })
+    pub fn create(
+        path: &Path,
+        quantities: &[Quantity],
+        solids: Vec<Solid>,
+        about: &About,
+    ) -> Result<Self> {
+        let refused = |error| Problem::system("write", path, error);
+        let mut file = McapFile::new(AtomicFile::create(path)?, PROGRAM).map_err(refused)?;
+        file.metadata(METADATA, &about.facts).map_err(refused)?;
+        let listed: Vec<(usize, &Quantity)> = placed(quantities)
+            .filter(|(_, quantity)| quantity.of == Of::Segments && !is_transform(quantity))
+            .collect();
+        let of_segments: Vec<&Quantity> = listed.iter().map(|(_, quantity)| *quantity).collect();
+        let mut channel = |topic: &str, schema: &schemas::Schema| {
+            file.channel(topic, (schema.name, &schema.descriptors))
         };
         let (scene, pose) = (schemas::scene_update(), schemas::pose_in_frame());
-        let listed: Vec<&Quantity> = quantities
-            .iter()
-            .filter(|quantity| quantity.of == Of::Segments && !is_pose(quantity))
-            .collect();
-        let transforms = channel("/tf", &schemas::frame_transforms())?;
-        let body = channel("/body", &scene)?;
-        let arrows = channel("/forces", &scene)?;
-        let poses = SIDES.map(|(side, _)| channel(&format!("/{side}/pose"), &pose));
-        let poses = poses.into_iter().collect::<Result<_>>()?;
-        let flight = channel("/flight", &schemas::of_body(&quantities))?;
-        let segments = channel("/segments", &schemas::of_segments(&listed))?;
-        let side = |(name, _): (&'static str, Color)| {
-            let place = |what: &str| place(&quantities, Of::Segments, &format!("{name}_{what}"));
+        let channels = Channels {
+            transforms: channel("/tf", &schemas::frame_transforms()),
+            body: channel("/body", &scene),
+            arrows: channel("/forces", &scene),
+            flight: channel("/flight", &schemas::of_body(quantities)),
+            segments: channel("/segments", &schemas::of_segments(&of_segments)),
+        };
+        let mut side = |(name, _): (&'static str, Color)| {
+            let place =
+                |what: &str, parts| place(quantities, Of::Body, &format!("{name}_{what}"), parts);
+            let frame = |segment: Segment| format!("{name}/{}", segment.name());
             Ok(Side {
                 name,
-                frames: Segment::ALL
-                    .map(|segment| format!("{name}/{}", segment.name()))
+                frames: Segment::ALL.map(frame).to_vec(),
+                parents: Segment::ALL
+                    .map(|segment| segment.parent().map(frame))
                     .to_vec(),
-                position: place("position")?,
-                attitude: place("attitude")?,
+                pose: channel(&format!("/{name}/pose"), &pose),
+                position: place("position", 3)?,
+                attitude: place("attitude", 4)?,
             })
         };
+        let sides = SIDES.into_iter().map(&mut side).collect::<Result<_>>()?;
+        let of_body = placed(quantities).filter(|(_, quantity)| quantity.of == Of::Body);
         Ok(Self {
-            sides: SIDES.into_iter().map(side).collect::<Result<_>>()?,
-            time: place(&quantities, Of::Body, "time")?,
-            forces: place(&quantities, Of::Segments, "force")?,
-            centres: place(&quantities, Of::Segments, "cg")?,
-            writer,
+            file,
             path: path.to_path_buf(),
-            quantities,
+            began: about.began.unwrap_or_default(),
             solids,
-            transforms,
-            body,
-            arrows,
-            poses,
-            flight,
-            segments,
-            arrows_due: f64::NEG_INFINITY,
+            sides,
+            channels,
+            places: Places {
+                time: place(quantities, Of::Body, "time", 0)?,
+                joints: place(quantities, Of::Segments, JOINT, 4)?,
+                forces: place(quantities, Of::Segments, "force", 3)?,
+                centres: place(quantities, Of::Segments, "cg", 3)?,
+            },
+            of_body: of_body
+                .map(|(from, quantity)| ((from, quantity.width()), schemas::kind_of(quantity)))
+                .collect(),
+            of_segments: listed
+                .into_iter()
+                .map(|(from, quantity)| (from, quantity.parts.len().max(1)))
+                .collect(),
+            has_body: false,
+            next_poses: Timer::new(POSE_RATE),
+            next_arrows: Timer::new(ARROW_RATE),
         })
     }
 
-    /// Pose of a segment of one body.
-    fn pose(side: &Side, row: &[f64], segment: usize) -> Pose {
-        Pose {
-            position: taken::<3>(row, side.position + 3 * segment).into(),
-            orientation: Quaternion::from_wxyz(taken(row, side.attitude + 4 * segment)),
-        }
+    /// Writes a message.
+    fn put(&mut self, channel: ChannelId, time: Duration, message: &impl Encode) -> Result<()> {
+        let mut encoded = Message::default();
+        message.encode(&mut encoded);
+        self.put_encoded(channel, time, encoded)
     }
 
-    fn write_transforms(&mut self, row: &[f64], time: Time) -> Result<()> {
-        let transforms = self.sides.iter().flat_map(|side| {
-            side.frames.iter().enumerate().map(move |(segment, frame)| {
-                let pose = Self::pose(side, row, segment);
-                FrameTransform {
-                    timestamp: time,
-                    parent_frame_id: WORLD,
-                    child_frame_id: frame,
-                    translation: pose.position,
-                    rotation: pose.orientation,
-                }
-            })
-        });
-        let message = FrameTransforms {
-            transforms: transforms.collect(),
+    fn put_encoded(&mut self, channel: ChannelId, time: Duration, message: Message) -> Result<()> {
+        // Until the year 2554.
+        let time = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+        self.file
+            .message(channel, time, &message.into_bytes())
+            .map_err(|error| Problem::system("write", &self.path, error))
+    }
+
+    fn write_transforms(&mut self, row: &[f64], time: Duration) -> Result<()> {
+        let root = |side: &Side| Pose {
+            position: Vector3(taken(row, side.position)),
+            orientation: Quaternion(taken(row, side.attitude)),
         };
-        put(
-            &mut self.writer,
-            &self.path,
-            &mut self.transforms,
-            time,
-            &message,
-        )?;
-        for (side, channel) in self.sides.iter().zip(&mut self.poses) {
+        let mut transforms = Vec::new();
+        for side in &self.sides {
+            let segments = side.frames.iter().zip(&side.parents).zip(&self.solids);
+            for (place, ((frame, parent), solid)) in segments.enumerate() {
+                let joint = || Pose {
+                    position: Vector3(solid.joint_offset),
+                    orientation: Quaternion(taken(row, self.places.joints + 4 * place)),
+                };
+                transforms.push(FrameTransform {
+                    timestamp: time,
+                    parent_frame_id: parent.as_deref().unwrap_or(WORLD),
+                    child_frame_id: frame,
+                    pose: parent.as_ref().map_or_else(|| root(side), |_| joint()),
+                });
+            }
+        }
+        let mut message = Message::default();
+        FrameTransforms(transforms).encode(&mut message);
+        let poses: Vec<(ChannelId, Pose)> = self
+            .sides
+            .iter()
+            .map(|side| (side.pose, root(side)))
+            .collect();
+        self.put_encoded(self.channels.transforms, time, message)?;
+        poses.into_iter().try_for_each(|(channel, pose)| {
             let message = PoseInFrame {
                 timestamp: time,
                 frame_id: WORLD,
-                pose: Self::pose(side, row, 0),
+                pose,
             };
-            put(&mut self.writer, &self.path, channel, time, &message)?;
-        }
-        Ok(())
+            self.put(channel, time, &message)
+        })
     }
 
     /// Writes the solids once: they move with the frames of their segments.
-    fn write_body(&mut self, time: Time) -> Result<()> {
+    fn write_body(&mut self, time: Duration) -> Result<()> {
         let entities = self.sides.iter().zip(SIDES).flat_map(|(side, (_, color))| {
             let solids = side.frames.iter().zip(&self.solids);
-            solids.map(move |(frame, solid)| {
-                let sphere = Sphere {
+            solids.map(move |(frame, solid)| SceneEntity {
+                timestamp: time,
+                frame_id: frame.clone(),
+                id: frame.clone(),
+                arrows: Vec::new(),
+                spheres: vec![Sphere {
                     pose: Pose {
-                        position: solid.middle.into(),
+                        position: Vector3(solid.middle),
                         orientation: Quaternion::IDENTITY,
                     },
-                    size: solid.half_extents.map(|half| 2.0 * half).into(),
+                    size: Vector3(solid.half_extents.map(|half| 2.0 * half)),
                     color,
-                };
-                SceneEntity {
-                    spheres: vec![sphere],
-                    ..SceneEntity::new(time, frame.clone(), frame.clone())
-                }
+                }],
             })
         });
-        let message = SceneUpdate {
-            deletions: [],
-            entities: entities.collect(),
-        };
-        put(&mut self.writer, &self.path, &mut self.body, time, &message)
+        let message = SceneUpdate(entities.collect());
+        self.put(self.channels.body, time, &message)
     }
 
-    fn write_arrows(&mut self, row: &[f64], time: Time) -> Result<()> {
+    fn write_arrows(&mut self, row: &[f64], time: Duration) -> Result<()> {
         // Loads are in body axes, which are those of the pelvis.
         let Some((side, frame)) = self
             .sides
@@ -254,14 +335,16 @@ impl McapRecording {
             return Ok(());
         };
         let arrows = (0..Segment::ALL.len()).map(|segment| {
-            let force = Vector3::from(taken::<3>(row, self.forces + 3 * segment));
-            let turn = UnitQuaternion::rotation_between(&Vector3::x(), &force)
-                .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 0.0));
+            let force = nalgebra::Vector3::from(taken::<3>(row, self.places.forces + 3 * segment));
+            let turn = UnitQuaternion::rotation_between(&nalgebra::Vector3::x(), &force)
+                .unwrap_or_else(|| {
+                    UnitQuaternion::from_axis_angle(&nalgebra::Vector3::y_axis(), 0.0)
+                });
             let length = ARROW_SCALE * force.norm();
             Arrow {
                 pose: Pose {
-                    position: taken::<3>(row, self.centres + 3 * segment).into(),
-                    orientation: Quaternion::from_wxyz([turn.w, turn.i, turn.j, turn.k]),
+                    position: Vector3(taken(row, self.places.centres + 3 * segment)),
+                    orientation: Quaternion([turn.w, turn.i, turn.j, turn.k]),
                 },
                 shaft_length: length,
                 shaft_diameter: 0.015,
@@ -271,108 +354,68 @@ impl McapRecording {
             }
         });
         let entity = SceneEntity {
+            timestamp: time,
+            frame_id: frame.clone(),
+            id: format!("{}/forces", side.name),
             arrows: arrows.collect(),
-            ..SceneEntity::new(time, frame.clone(), format!("{}/forces", side.name))
+            spheres: Vec::new(),
         };
-        let message = SceneUpdate {
-            deletions: [],
-            entities: vec![entity],
-        };
-        put(
-            &mut self.writer,
-            &self.path,
-            &mut self.arrows,
-            time,
-            &message,
-        )
+        self.put(self.channels.arrows, time, &SceneUpdate(vec![entity]))
     }
 
-    fn write_numbers(&mut self, row: &[f64], time: Time) -> Result<()> {
-        let mut of_body = BTreeMap::new();
-        let mut of_segments: BTreeMap<&str, BTreeMap<String, Number>> = BTreeMap::new();
-        let mut numbers = row.iter().copied().map(Number);
-        for quantity in &self.quantities {
-            let tails = quantity.tails();
-            if quantity.of == Of::Body {
-                of_body.extend(tails.into_iter().zip(&mut numbers));
-                continue;
-            }
-            let is_listed = !is_pose(quantity);
-            for segment in Segment::ALL {
-                let own = tails.iter().cloned().zip(&mut numbers);
-                if is_listed {
-                    of_segments.entry(segment.name()).or_default().extend(own);
-                } else {
-                    own.for_each(drop);
-                }
+    fn write_numbers(&mut self, row: &[f64], time: Duration) -> Result<()> {
+        let columns = |(from, width): Columns| row.get(from..from + width).unwrap_or_default();
+        let mut body = Message::default();
+        let numbers = self.of_body.iter().flat_map(|(place, kind)| {
+            let numbers = columns(*place).iter();
+            numbers.map(move |number| (*kind, *number))
+        });
+        for (field, (kind, number)) in (1..).zip(numbers) {
+            match kind {
+                Kind::Double => body.double(field, number),
+                _ => body.float(field, number),
             }
         }
-        put(
-            &mut self.writer,
-            &self.path,
-            &mut self.flight,
-            time,
-            &of_body,
-        )?;
-        put(
-            &mut self.writer,
-            &self.path,
-            &mut self.segments,
-            time,
-            &of_segments,
-        )
+        let mut segments = Message::default();
+        for (segment, place) in (0..Segment::ALL.len()).zip(1..) {
+            let numbers = self
+                .of_segments
+                .iter()
+                .flat_map(|(from, width)| columns((from + segment * width, *width)));
+            segments.message(place, |out| {
+                for (field, number) in (1..).zip(numbers) {
+                    out.float(field, *number);
+                }
+            });
+        }
+        self.put_encoded(self.channels.flight, time, body)?;
+        self.put_encoded(self.channels.segments, time, segments)
     }
-}
-
-/// Writes a message.
-fn put(
-    writer: &mut Writer<AtomicFile>,
-    path: &Path,
-    channel: &mut Channel,
-    time: Time,
-    message: &impl Serialize,
-) -> Result<()> {
-    let bytes = serde_json::to_vec(message)
-        .map_err(|error| Problem::internal("cannot write JSON").caused_by(error))?;
-    let header = MessageHeader {
-        channel_id: channel.id,
-        sequence: channel.sequence,
-        log_time: time.nanoseconds(),
-        publish_time: time.nanoseconds(),
-    };
-    channel.sequence = channel.sequence.wrapping_add(1);
-    writer
-        .write_to_known_channel(&header, &bytes)
-        .map_err(|error| refused(path, error))
-}
-
-fn refused(path: &Path, error: McapError) -> Problem {
-    Problem::refused("cannot write the recording")
-        .in_file(path)
-        .caused_by(error)
 }
 
 impl Sink for McapRecording {
     fn write(&mut self, row: &[f64]) -> Result<()> {
-        let seconds = row.get(self.time).copied().unwrap_or(0.0);
-        let time = Time::of(seconds);
-        self.write_transforms(row, time)?;
-        if self.body.sequence == 0 {
+        let seconds = row.get(self.places.time).copied().unwrap_or(0.0);
+        let since = Duration::try_from_secs_f64(seconds).unwrap_or_default();
+        let time = self.began + since;
+        if self.next_poses.rings(seconds) {
+            self.write_transforms(row, time)?;
+        }
+        if !self.has_body {
+            self.has_body = true;
             self.write_body(time)?;
         }
-        // A millisecond of tolerance: the frame rate need not be a multiple of the arrows' rate.
-        if seconds >= self.arrows_due - 1e-3 {
-            self.arrows_due = (self.arrows_due + 1.0 / ARROW_RATE).max(seconds);
+        if self.next_arrows.rings(seconds) {
             self.write_arrows(row, time)?;
         }
         self.write_numbers(row, time)
     }
 
-    fn finish(mut self: Box<Self>) -> Result<()> {
-        self.writer
+    fn finish(self: Box<Self>) -> Result<()> {
+        let Self { file, path, .. } = *self;
+        let out = file
             .finish()
-            .map_err(|error| refused(&self.path, error))?;
-        let Self { writer, .. } = *self;
-        writer.into_inner().finish()
+            .map_err(|error| Problem::system("write", &path, error))?;
+        out.finish()
     }
 }

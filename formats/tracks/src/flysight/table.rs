@@ -1,6 +1,8 @@
 //! The tables in FlySight files.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 
 use bodyflight_io::diagnostic::Result;
@@ -33,11 +35,26 @@ impl Skipped {
 pub(super) struct Tables {
     /// Column names of each sensor.
     columns: BTreeMap<String, Vec<String>>,
-    /// Line number, sensor and fields.
-    rows: Vec<(u64, String, Vec<String>)>,
+    /// Names of the sensors that have rows.
+    sensors: Vec<String>,
+    rows: Vec<Stored>,
+    /// The text of all fields, and where each begins. Hours of rows would take ten times the memory and time as a text
+    /// for each field.
+    text: String,
+    begins: Vec<usize>,
     /// Whether a FlySight 2 wrote the file.
     pub(super) is_second_generation: bool,
     pub(super) skipped: Skipped,
+}
+
+/// A row as it is kept.
+#[derive(Debug)]
+struct Stored {
+    line: u64,
+    /// Place of its sensor.
+    sensor: usize,
+    /// Places of its fields.
+    fields: Range<usize>,
 }
 
 /// A row with the names of its fields.
@@ -45,7 +62,9 @@ pub(super) struct Tables {
 pub(super) struct Row<'a> {
     pub(super) line: u64,
     columns: &'a [String],
-    fields: &'a [String],
+    tables: &'a Tables,
+    first: usize,
+    count: usize,
 }
 
 impl Tables {
@@ -58,7 +77,10 @@ impl Tables {
     pub(super) fn parse(bytes: &[u8]) -> Self {
         let mut tables = Self {
             columns: BTreeMap::new(),
+            sensors: Vec::new(),
             rows: Vec::new(),
+            text: String::with_capacity(bytes.len()),
+            begins: Vec::new(),
             is_second_generation: bytes.starts_with(b"$FLYS"),
             skipped: Skipped::default(),
         };
@@ -83,50 +105,80 @@ impl Tables {
 
     fn add(&mut self, record: &csv::ByteRecord) {
         let line = record.position().map_or(0, csv::Position::line);
-        let fields: Vec<String> = record
-            .iter()
-            .take(MOST_FIELDS)
-            .map(|field| String::from_utf8_lossy(field).trim().to_owned())
-            .collect();
-        let Some(first) = fields.first() else {
+        let Some(first) = record.get(0).map(trimmed) else {
             return;
         };
+        // Most rows begin with a digit or a sensor's name.
+        let is_row = first.starts_with(|letter: char| letter.is_ascii_digit());
+        let has = |wanted: &[u8]| record.iter().any(|field| field.trim_ascii() == wanted);
+        let names = |skipped: usize| record.iter().take(MOST_FIELDS).skip(skipped).map(trimmed);
         // FlySight 1: a line of names in any order, a line of units, then the rows.
-        let has = |name: &str| fields.iter().any(|field| field == name);
-        if !first.starts_with("$COL") && has("velD") && has("lat") {
-            let names = fields
-                .iter()
-                .map(|name| name.trim_start_matches('$').to_owned());
+        if !is_row && !first.starts_with("$COL") && has(b"velD") && has(b"lat") {
+            let names = names(0).map(|name| name.trim_start_matches('$').to_owned());
             self.columns.insert("GNSS".to_owned(), names.collect());
             return;
         }
-        match first.as_str() {
+        match &*first {
             "$FLYS" | "$VAR" | "$UNIT" | "$DATA" => {}
             "$COL" => {
-                if let Some((sensor, names)) = fields[1..].split_first() {
-                    self.columns.insert(sensor.clone(), names.to_vec());
+                let mut names = names(1).map(Cow::into_owned);
+                if let Some(sensor) = names.next() {
+                    self.columns.insert(sensor, names.collect());
                 }
             }
-            sensor if sensor.starts_with('$') => {
-                let sensor = sensor[1..].to_owned();
-                self.rows.push((line, sensor, fields[1..].to_vec()));
-            }
-            _ if self.rows.is_empty() && fields.iter().any(|field| field == "(m/s)") => {}
+            sensor if sensor.starts_with('$') => self.keep(line, &sensor[1..], names(1)),
+            _ if self.rows.is_empty() && has(b"(m/s)") => {}
             "" if self.rows.is_empty() => {}
-            _ => self.rows.push((line, "GNSS".to_owned(), fields)),
+            _ => self.keep(line, "GNSS", names(0)),
         }
     }
 
+    fn keep<'a>(&mut self, line: u64, sensor: &str, fields: impl Iterator<Item = Cow<'a, str>>) {
+        let known = self.sensors.iter().position(|known| known == sensor);
+        let sensor = known.unwrap_or_else(|| {
+            self.sensors.push(sensor.to_owned());
+            self.sensors.len() - 1
+        });
+        let first = self.begins.len();
+        for field in fields {
+            self.begins.push(self.text.len());
+            self.text.push_str(&field);
+        }
+        self.rows.push(Stored {
+            line,
+            sensor,
+            fields: first..self.begins.len(),
+        });
+    }
+
+    /// The text of a field.
+    fn field(&self, place: usize) -> Option<&str> {
+        let begin = *self.begins.get(place)?;
+        let end = self.begins.get(place + 1).copied();
+        self.text.get(begin..end.unwrap_or(self.text.len()))
+    }
+
     /// The rows of one sensor.
-    pub(super) fn rows<'a>(&'a self, sensor: &'a str) -> impl Iterator<Item = Row<'a>> {
+    pub(super) fn rows<'a>(&'a self, sensor: &str) -> impl Iterator<Item = Row<'a>> {
         let columns = self.columns.get(sensor).map_or(&[][..], Vec::as_slice);
-        let own = self.rows.iter().filter(move |(_, s, _)| s == sensor);
-        own.map(move |(line, _, fields)| Row {
-            line: *line,
+        let place = self.sensors.iter().position(|known| known == sensor);
+        let own = self
+            .rows
+            .iter()
+            .filter(move |row| Some(row.sensor) == place);
+        own.map(move |row| Row {
+            line: row.line,
             columns,
-            fields,
+            tables: self,
+            first: row.fields.start,
+            count: row.fields.len(),
         })
     }
+}
+
+/// The text of a field without blanks around it.
+fn trimmed(field: &[u8]) -> Cow<'_, str> {
+    String::from_utf8_lossy(field.trim_ascii())
 }
 
 impl<'a> Row<'a> {
@@ -134,8 +186,10 @@ impl<'a> Row<'a> {
     pub(super) fn text(&self, name: &str) -> core::result::Result<&'a str, String> {
         let place = self.columns.iter().position(|column| column == name);
         let place = place.ok_or_else(|| format!("no column \"{name}\""))?;
-        let field = self.fields.get(place).map(String::as_str);
-        field.ok_or_else(|| format!("the row ends before \"{name}\""))
+        let field = (place < self.count).then(|| self.tables.field(self.first + place));
+        field
+            .flatten()
+            .ok_or_else(|| format!("the row ends before \"{name}\""))
     }
 
     /// The number in the named column.

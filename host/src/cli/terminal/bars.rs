@@ -99,6 +99,8 @@ impl Stages {
                 told.reset_eta();
             }
             Told::Share(share) => set_share(&told, share),
+            // Bars of flights are told the time by the work itself.
+            Told::Time(_) => {}
         });
         Self {
             bar,
