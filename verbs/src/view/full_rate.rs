@@ -144,3 +144,165 @@ fn numbers(
         mass_kg: model.dynamics.body.mass(),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use bodyflight_core::body::joint_angle::JointAngle;
+    use bodyflight_core::dynamics::Motion;
+    use bodyflight_core::maneuver::Maneuver;
+    use bodyflight_core::sensor_noise::SensorNoise;
+    use bodyflight_laboratory::synthesize::{JointError, Request, synthesize};
+    use bodyflight_mvnx::recording::Options;
+    use bodyflight_replay::Precision;
+    use bodyflight_replay::joint_change::JointChange;
+    use bodyflight_replay::model_file::Effects;
+    use bodyflight_replay::steps::Replay;
+    use bodyflight_replay::subject::Subject;
+    use bodyflight_viewer::what_if::{Change as PageChange, Changes, Row, WhatIf, motion};
+
+    use super::*;
+    use crate::simulate::what_if::{Change, what_if};
+
+    /// A flight with known inputs that change.
+    fn roll(folder: &Path) -> Flight {
+        let request = Request {
+            maneuver: Maneuver::from_name("barrel-roll").unwrap(),
+            subject: &Subject::default(),
+            density: 1.0,
+            seed: 1,
+            noise: SensorNoise::PAPER,
+            joint_error: JointError::default(),
+            sway: 0.0,
+            tunnel: false,
+        };
+        let flown = synthesize(&request, folder, &mut |_| {}).unwrap();
+        Flight::read(&flown.flight).unwrap()
+    }
+
+    /// The motions of a flight with changes, as the page steps it.
+    fn in_the_page(flight: &Flight, changes: &Changes) -> Vec<Motion<f64>> {
+        let mut replay = Replay::open(flight, Options::default(), Precision::Double).unwrap();
+        let start = *replay.start();
+        let model = numbers(flight, replay.model(), &start).unwrap();
+        let setup = Setup::from_numbers(&model.setup.try_into().unwrap());
+        let begin = motion(&model.start.try_into().unwrap());
+        let mut run = WhatIf::new(&setup, flight.equations, begin, changes);
+        let row = |step: &Step| Row {
+            time: step.time,
+            inputs: step.inputs,
+            posture: step.posture,
+        };
+        run.push(&row(&start));
+        let mut motions = Vec::new();
+        for step in replay.by_ref() {
+            if run.push(&row(&step.unwrap())) {
+                motions.push(*run.motion());
+            }
+        }
+        run.finish();
+        motions.push(*run.motion());
+        motions
+    }
+
+    /// The motions that `simulate` gives, from the first row on.
+    fn in_the_program(flight: &Flight, joints: &[&str], without_inputs: bool) -> Vec<Motion<f64>> {
+        let parse = |text: &&str| JointChange::parse(text).unwrap();
+        let change = Change {
+            joints: joints.iter().map(parse).collect(),
+            subject: None,
+            without_inputs,
+        };
+        let start = *Replay::open(flight, Options::default(), Precision::Double)
+            .unwrap()
+            .start();
+        let mut motions = vec![start.simulated];
+        let mut each = |steps: [&Step; 2]| {
+            motions.push(steps[1].simulated);
+            Ok(())
+        };
+        let (options, precision) = (Options::default(), Precision::Double);
+        what_if(flight, &change, options, precision, &mut each, &mut |_| {}).unwrap();
+        motions
+    }
+
+    /// The largest difference of velocities (m/s) or angular velocities (rad/s).
+    fn apart(page: &[Motion<f64>], program: &[Motion<f64>]) -> f64 {
+        assert_eq!(page.len(), program.len());
+        let pairs = page.iter().zip(program);
+        let apart = |(a, b): (&Motion<f64>, &Motion<f64>)| {
+            let spin = (a.angular_velocity - b.angular_velocity).norm();
+            spin.max((a.velocity - b.velocity).norm())
+        };
+        pairs.map(apart).fold(0.0, f64::max)
+    }
+
+    fn of_page(name: &str, degrees: f64, window: Option<[f64; 2]>) -> PageChange {
+        PageChange {
+            angle: JointAngle::all()
+                .find(|angle| angle.to_string() == name)
+                .unwrap(),
+            by: degrees.to_radians(),
+            window,
+        }
+    }
+
+    #[test]
+    fn changes_in_the_page_are_those_of_the_program() {
+        let folder = tempfile::tempdir().unwrap();
+        let flight = roll(folder.path());
+        let mut joints = Changes::default();
+        joints.add(of_page("l_shank.bend", 20.0, None));
+        joints.add(of_page("r_upperarm.phi", -15.0, Some([0.5, 1.2])));
+        let words = ["l_shank.bend=+20", "r_upperarm.phi=-15@0.5..1.2"];
+        let program = in_the_program(&flight, &words, false);
+        assert!(apart(&in_the_page(&flight, &joints), &program) < 1e-9);
+
+        let relaxed = Changes::of_body(1.0, 1.0, true);
+        let program = in_the_program(&flight, &[], true);
+        assert!(apart(&in_the_page(&flight, &relaxed), &program) < 1e-9);
+        assert!(apart(&in_the_page(&flight, &Changes::default()), &program) > 0.1);
+
+        let factors = |name: &str| {
+            format!(
+                "[[effect]]\nname = \"{name}\"\ntrunk_factor = 0.9\narms_factor = 0.9\nlegs_factor = 0.9\n"
+            )
+        };
+        let text = ["[[effect]]\nname = \"mass\"\nfactor = 1.2\n".to_owned()]
+            .into_iter()
+            .chain(["drag", "lift", "moment"].map(factors))
+            .collect::<String>();
+        let mut other = flight.clone();
+        other.effects = Effects::parse(&text, Path::new("model.toml")).unwrap();
+        // From the start of the plain flight: an effect may change the fit to its first frames.
+        let (options, precision) = (Options::default(), Precision::Double);
+        let plain = Replay::open(&flight, options, precision).unwrap();
+        let start = plain.start().simulated;
+        let program = Replay::open_changed(&other, options, precision, &[], &start).unwrap();
+        let steps = program.map(|step| step.unwrap().simulated);
+        let program: Vec<Motion<f64>> = std::iter::once(start).chain(steps).collect();
+        let page = in_the_page(&flight, &Changes::of_body(1.2, 0.9, false));
+        assert!(apart(&page, &program) < 1e-9, "{}", apart(&page, &program));
+    }
+
+    #[test]
+    fn a_model_that_numbers_cannot_represent_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut flight = roll(folder.path());
+        flight.effects = Effects::parse(
+            "[[effect]]\nname = \"wind\"\nnorth_mps = 4\n",
+            Path::new("model.toml"),
+        )
+        .unwrap();
+        let replay = Replay::open(&flight, Options::default(), Precision::Double).unwrap();
+        let mut collected = Collected::new(&flight, replay.model(), replay.start());
+        for step in replay {
+            collected.push(&flight, &step.unwrap());
+        }
+        let full = collected.finished();
+        assert_eq!(full.model, None);
+        assert_eq!(full.no_model.as_deref(), Some("effects act on it"));
+        assert!(full.series.rows > 240);
+    }
+}
