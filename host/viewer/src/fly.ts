@@ -64,7 +64,7 @@ class Fly {
     this.stage = new Stage(main, flight, false);
     this.ground = new Ground(flight.warning_height_m);
     main.append(this.instruments.place, this.ground.place);
-    this.recorder = new Recorder(flight.layout);
+    this.recorder = new Recorder(flight);
     this.pilot = new Pilot(this.core);
     header.append(
       this.starts(),

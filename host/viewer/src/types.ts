@@ -233,6 +233,14 @@ export type FlyData = {
  */
 setup: Array<number>,
 /**
+ * Density of the air (kg/m3).
+ */
+density_kgpm3: number,
+/**
+ * Mass of the person with all equipment (kg).
+ */
+mass_kg: number,
+/**
  * How segments are drawn.
  */
 shapes: Array<Shape>,

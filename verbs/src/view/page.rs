@@ -119,6 +119,10 @@ impl Provenance {
 pub struct FlyData {
     /// The model, see [`bodyflight_viewer::setup`].
     pub setup: Vec<f32>,
+    /// Density of the air (kg/m3).
+    pub density_kgpm3: f64,
+    /// Mass of the person with all equipment (kg).
+    pub mass_kg: f64,
     /// How segments are drawn.
     pub shapes: Vec<Shape>,
     /// What the skydiver wears.
@@ -205,6 +209,8 @@ impl FlyData {
     pub fn new(subject: &Subject, density: f64) -> Self {
         Self {
             setup: setup(subject, density).numbers().to_vec(),
+            density_kgpm3: density,
+            mass_kg: subject.body().mass(),
             shapes: shapes(subject),
             worn: Worn::of(subject),
             starts: STARTS.iter().map(|start| start.name).collect(),
