@@ -92,6 +92,15 @@ impl<T: Real> Aerodynamics<T> {
         Self::uniform(coefficients, ArchFactor::FromPosture)
     }
 
+    /// Multiplies the coefficients of all segments by a factor, as if all their areas were scaled by it.
+    pub fn scale_area(&mut self, factor: T) {
+        for coefficients in self.coefficients.values_mut() {
+            coefficients.drag *= factor;
+            coefficients.lift *= factor;
+            coefficients.moment *= factor;
+        }
+    }
+
     /// Converts the parameters to another precision.
     pub fn cast<U: Real>(&self) -> Aerodynamics<U> {
         let scalar = |value: T| U::of(value.to_f64());

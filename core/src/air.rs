@@ -80,6 +80,16 @@ pub fn density_above_ground<T: Real>(pressure: T, temperature: T, height: T) -> 
     pressure / (T::of(GAS_CONSTANT) * temperature) * cooled.power(T::of(4.255_88))
 }
 
+/// Height in the standard atmosphere to which fall rates are normalised unless another one is asked for (m above sea
+/// level).
+pub const REFERENCE_HEIGHT: f64 = 2000.0;
+
+/// Fall rate at which the same body has the same drag in air of another density (m/s): scaled by the square root of the
+/// ratio of the densities (kg/m3).
+pub fn normalised_fall_rate<T: Real>(fall_rate: T, density: T, reference: T) -> T {
+    fall_rate * (density / reference).root()
+}
+
 /// Density and velocity of the air around the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Air<T: Real> {
@@ -191,6 +201,16 @@ mod tests {
         assert_eq!(
             tunnel.cast::<f32>().cast::<f64>().shear.map(|s| s.height),
             Some(1000.0)
+        );
+    }
+
+    #[test]
+    fn a_normalised_fall_rate_has_the_same_dynamic_pressure() {
+        let reference = standard_density(REFERENCE_HEIGHT);
+        let rate = normalised_fall_rate(60.0, 0.8, reference);
+        assert!(
+            (reference * rate * rate - 0.8 * 60.0 * 60.0).abs() < 1e-9,
+            "{rate}"
         );
     }
 

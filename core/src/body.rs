@@ -228,6 +228,14 @@ impl<T: Real> Body<T> {
             .fold(T::zero(), |sum, segment| sum + segment.mass)
     }
 
+    /// Multiplies masses and inertias of all segments by a factor; shape and areas stay.
+    pub fn scale_mass(&mut self, factor: T) {
+        for segment in self.segments.values_mut() {
+            segment.mass *= factor;
+            segment.inertia *= factor;
+        }
+    }
+
     /// Converts the body to another precision.
     pub fn cast<U: Real>(&self) -> Body<U> {
         let scalar = |value: T| U::of(value.to_f64());

@@ -98,6 +98,11 @@ impl<T: Real> Dynamics<T> {
             .segment_loads(&exposed, &through_air.components, spin, density)
     }
 
+    /// Returns the load factor of a total aerodynamic force (N): its size over the weight, 1 in a steady fall.
+    pub fn load_factor<F>(&self, force: &Vector<T, F>) -> T {
+        force.norm() / (self.body.mass() * self.gravity)
+    }
+
     /// Creates the sample of a body that holds `posture`.
     pub fn hold(&self, posture: &Posture<T>) -> PostureSample<T> {
         self.sample(posture, &PostureRate::zero())

@@ -1,5 +1,6 @@
 //! The analysis of a whole jump: its numbers as a skydiver reads them, and how far they can be trusted.
 
+use bodyflight_core::air::{REFERENCE_HEIGHT, normalised_fall_rate};
 use nalgebra::Vector3;
 
 use crate::atmosphere::Atmosphere;
@@ -44,7 +45,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             atmosphere: Atmosphere::Standard,
-            reference_height: 2000.0,
+            reference_height: REFERENCE_HEIGHT,
             motion: Motion::default(),
         }
     }
@@ -287,7 +288,7 @@ fn normalised_rate(
     let reference = Atmosphere::Standard.density(settings.reference_height);
     let rate = |sample: &Sample| {
         let density = settings.atmosphere.density(sample.height());
-        -sample.velocity.z * (density / reference).sqrt()
+        normalised_fall_rate(-sample.velocity.z, density, reference)
     };
     let steady = falling
         .iter()

@@ -284,7 +284,7 @@ pub(crate) fn view(
         for flight in &flights {
             let (inner, options) = (&flight.inner, flight.options);
             let name = name_of(&inner.recording);
-            let mut run = fly(&name, inner, options, progress)?;
+            let mut run = fly(&name, inner, options, true, progress)?;
             if let Some(request) = &estimates {
                 run.estimated = Some(estimated(inner, request, options, progress)?);
             }
@@ -293,7 +293,7 @@ pub(crate) fn view(
                 let mut extended = inner.clone();
                 extended.effects = effects.clone();
                 let name = format!("{name}, extended model");
-                runs.push(fly(&name, &extended, options, progress)?);
+                runs.push(fly(&name, &extended, options, true, progress)?);
             }
         }
         let mut files: Vec<&Path> = Vec::new();

@@ -2,15 +2,13 @@
 
 use std::path::Path;
 
-use bodyflight_core::body::joint_angle::JointAngle;
+use bodyflight_core::body::joint_angle::{JointAngle, share_within};
 use bodyflight_core::{Posture, Segment};
 
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::input;
 use bodyflight_io::text::with_commas;
 
-/// Time in which a joint reaches an angle that begins or ends within the flight (s).
-pub const REACH: f64 = 0.2;
 /// Largest change (degrees).
 const MOST: f64 = 180.0;
 
@@ -79,17 +77,11 @@ impl JointChange {
         }
     }
 
-    /// The change (rad) at a time (s). A window is entered and left within [`REACH`], with a rate that is zero at both ends.
+    /// The change (rad) at a time (s); a window as in [`share_within`].
     pub fn at(&self, time: f64) -> f64 {
-        let reached = |since: f64| {
-            let share = (since / REACH).clamp(0.0, 1.0);
-            share * share * (3.0 - 2.0 * share)
-        };
         match &self.amount {
             Amount::Constant(amount, None) => *amount,
-            Amount::Constant(amount, Some([begin, end])) => {
-                amount * (reached(time - begin) - reached(time - end))
-            }
+            Amount::Constant(amount, Some(window)) => amount * share_within(*window, time),
             Amount::Curve(points) => interpolated(points, time),
         }
     }

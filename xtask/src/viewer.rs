@@ -98,6 +98,7 @@ pub(crate) fn test() -> Result<()> {
             "tests/ticks.test.mjs",
             "tests/replay.test.mjs",
             "tests/fly.test.mjs",
+            "tests/coach.test.mjs",
             "tests/compare.test.mjs",
             "tests/live.test.mjs",
             "tests/phone.test.mjs",

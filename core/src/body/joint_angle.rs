@@ -9,7 +9,7 @@ use core::fmt;
 use super::Segment;
 use super::pattern;
 use super::posture::{Posture, joint_angles};
-use crate::math::Real;
+use crate::math::{Real, clamp};
 
 /// An angle of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,6 +31,19 @@ const ANGLES: [(&str, [f64; 3]); 3] = [
 /// The bend of a knee, 0 when straight, as in `trim`.
 const BEND: (&str, [f64; 3]) = ("bend", [0.0, 0.0, -1.0]);
 const KNEES: [Segment; 2] = [Segment::LeftShank, Segment::RightShank];
+
+/// Time in which a joint reaches an angle that begins or ends within the flight (s).
+pub const REACH: f64 = 0.2;
+
+/// The share of a change that acts at a time (s), for a change within a window (s). The window is entered and left within
+/// [`REACH`], with a rate that is zero at both ends.
+pub fn share_within<T: Real>([begin, end]: [T; 2], time: T) -> T {
+    let reached = |since: T| {
+        let share = clamp(since / T::of(REACH), T::zero(), T::one());
+        share * share * (T::of(3.0) - T::of(2.0) * share)
+    };
+    reached(time - begin) - reached(time - end)
+}
 
 impl JointAngle {
     /// The angles of the joint at the proximal end of a segment, `bend` first; none for the pelvis.
@@ -77,6 +90,12 @@ impl JointAngle {
     pub fn difference<T: Real>(&self, from: &Posture<T>, to: &Posture<T>) -> T {
         let [from, to] = [from, to].map(|posture| posture.parent_from_segment(self.segment));
         self.share(joint_angles(&(to * from.inverse())))
+    }
+
+    /// The angle over time (rad): that of the `first` posture, and how much further the joint is turned since. It does not
+    /// jump where psi and phi turn about nearly the same axis.
+    pub fn since<T: Real>(&self, first: &Posture<T>, posture: &Posture<T>) -> T {
+        self.value(first) + self.difference(first, posture)
     }
 
     /// The posture with the joint turned further by this angle (rad), about the axes of its parent.

@@ -16,8 +16,5 @@ pub(super) const EFFECT: Description = Description {
 
 pub(super) fn apply<T: Real>(values: &[T; PARAMETER_COUNT], model: &mut Model<T>) {
     let [factor, ..] = *values;
-    for (_, segment) in model.dynamics.body.segments.iter_mut() {
-        segment.mass *= factor;
-        segment.inertia *= factor;
-    }
+    model.dynamics.body.scale_mass(factor);
 }

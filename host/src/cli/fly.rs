@@ -5,12 +5,12 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use bodyflight_core::aerodynamics::load_model::LoadModel;
-use bodyflight_io::diagnostic::Result;
+use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
 use bodyflight_io::interrupt;
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_replay::subject::Subject;
-use bodyflight_verbs::view::flown::{frames, write};
+use bodyflight_verbs::view::flown::{FlownFrame, frames, saved, write};
 use bodyflight_verbs::view::page::{FlyData, Mode, PageData, Provenance, html};
 use bodyflight_verbs::view::server::Server;
 use serde::Serialize;
@@ -24,7 +24,8 @@ use super::view::{command, open};
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  bodyflight fly --open\n  bodyflight fly subject.toml --save flights\n  \
-                  bodyflight fly --out fly.html   (a page to send to others; it saves flights as raw numbers)\n\n\
+                  bodyflight fly --out fly.html   (a page to send to others; it saves flights as CSV)\n  \
+                  bodyflight fly subject.toml --from flight.csv   (makes a recording of such a file)\n\n\
                   Runs until Ctrl-C."
 )]
 pub(super) struct Args {
@@ -36,6 +37,9 @@ pub(super) struct Args {
     /// Air density (kg/m3); thinner air makes the fall faster.
     #[arg(long, default_value_t = DEFAULT_DENSITY)]
     density: f64,
+    /// Make a recording of the CSV file that a page of --out saved, and exit; the subject is that of the page.
+    #[arg(long, value_name = "CSV", conflicts_with_all = ["out", "open", "density"])]
+    from: Option<PathBuf>,
     /// Write the page to a file and exit.
     #[arg(long, value_name = "HTML", conflicts_with_all = ["save", "open"])]
     out: Option<PathBuf>,
@@ -45,6 +49,9 @@ pub(super) struct Args {
     #[arg(long)]
     open: bool,
 }
+
+/// Largest relative difference of the masses of a file and its subject.
+const SAME_MASS: f64 = 1e-3;
 
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -62,6 +69,10 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             subject
         }
     };
+    if let Some(path) = &args.from {
+        args.outputs.check_in(&args.save, &[])?;
+        return convert(path, &subject, &args.save);
+    }
     args.outputs.check_as(args.out.as_deref(), "html")?;
     args.outputs.check_in(&args.save, &[])?;
     let files: Vec<&Path> = args.subject.iter().map(PathBuf::as_path).collect();
@@ -110,11 +121,39 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     Ok(())
 }
 
-/// Saves a flight in the first free folder.
+/// Makes a recording of a file that a page saved.
+fn convert(path: &Path, subject: &Subject, folder: &Path) -> Result<()> {
+    let saved = saved(path)?;
+    let mass = subject.body().mass();
+    if (saved.mass / mass - 1.0).abs() > SAME_MASS {
+        let message = format!(
+            "expected a flight of the subject, whose mass is {mass:.2} kg, found one of {:.2} kg",
+            saved.mass
+        );
+        let problem = Problem::bad_input(message).in_file(path).at_line(1);
+        return Err(
+            problem.help("give the subject.toml with which bodyflight fly --out made the page")
+        );
+    }
+    let flight = write_to(&saved.frames, subject, saved.density, folder)?;
+    terminal::print(&format!("written: {}", flight.display()));
+    Ok(())
+}
+
+/// Saves a flight of the page in the first free folder.
 fn save(bytes: &[u8], subject: &Subject, density: f64, folder: &Path) -> Result<PathBuf> {
-    let frames = frames(bytes)?;
+    write_to(&frames(bytes)?, subject, density, folder)
+}
+
+/// Writes frames to the first free folder.
+fn write_to(
+    frames: &[FlownFrame],
+    subject: &Subject,
+    density: f64,
+    folder: &Path,
+) -> Result<PathBuf> {
     let free = (0..)
         .map(|number: u32| folder.join(format!("flown-{number}")))
         .find(|folder| !folder.exists());
-    write(&frames, subject, density, &free.unwrap_or_default())
+    write(frames, subject, density, &free.unwrap_or_default())
 }

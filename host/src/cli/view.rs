@@ -62,6 +62,9 @@ pub(super) struct Args {
     /// Filter forward in time as on the unit, or smooth the whole flight.
     #[arg(long, value_enum, requires = "estimate", default_value = "filter")]
     method: MethodName,
+    /// Leave out the recording at its full rate: the page is smaller, and has no what-if and CSV at 30 rows per second.
+    #[arg(long)]
+    light: bool,
     /// Units of the page about tracks.
     #[arg(long, value_enum, default_value_t = UnitsName::Si)]
     units: UnitsName,
@@ -167,7 +170,7 @@ fn page(args: &Args) -> Result<PageData> {
             files.push(flight.recording.clone());
         }
         let name = name_of(path);
-        let mut run = flown(&name, &flight, options)?;
+        let mut run = flown(&name, &flight, options, !args.light)?;
         if let Some(request) = &request {
             let bar = FlightBar::new("estimating", &flight);
             let found = estimated(&flight, request, options, &mut |time| bar.at(time));
@@ -178,7 +181,7 @@ fn page(args: &Args) -> Result<PageData> {
         if let Some(effects) = &effects {
             flight.effects = effects.clone();
             let name = format!("{name}, extended model");
-            runs.push(flown(&name, &flight, options)?);
+            runs.push(flown(&name, &flight, options, !args.light)?);
         }
     }
     files.extend(args.model.clone());
@@ -194,9 +197,9 @@ fn page(args: &Args) -> Result<PageData> {
     Ok(page)
 }
 
-fn flown(name: &str, flight: &Flight, options: Options) -> Result<Run> {
+fn flown(name: &str, flight: &Flight, options: Options, is_full: bool) -> Result<Run> {
     let bar = FlightBar::new("flying", flight);
-    let run = fly(name, flight, options, &mut |time| bar.at(time));
+    let run = fly(name, flight, options, is_full, &mut |time| bar.at(time));
     bar.end();
     run
 }

@@ -1,31 +1,25 @@
-// Channels as plotted: continuous angles, in degrees or radians, with a precision for each unit.
+// Channels as plotted: continuous angles, and one sense of turning.
+//
+// In the data, headings and turn rates are positive towards west, as the model's axes are. The page shows them as a compass
+// does, positive to the right; this is the only place where that is converted.
+import { CHANNELS } from "./types";
 
-/** How a unit is displayed. */
-export interface Shown {
-  unit: string;
-  /** Conversion factor. */
-  factor: number;
-  /** Decimals of a value. */
-  decimals: number;
-  /** Smallest range of an axis; anything smaller is noise. */
-  least: number;
+/** Keys of the channels that the page shows in the sense of a compass. */
+const TURNED: readonly string[] = ["heading_rad", "yaw_rate_radps"];
+
+/** What the title of a channel says about its sense. */
+export function sense(channel: number): string {
+  return TURNED.includes(CHANNELS[channel].key) ? "positive to the right" : "";
 }
 
-const DEGREES = 180 / Math.PI;
-const SHOWN: Record<string, Omit<Shown, "unit">> = {
-  "°": { factor: DEGREES, decimals: 1, least: 2 },
-  "°/s": { factor: DEGREES, decimals: 1, least: 2 },
-  rad: { factor: 1, decimals: 3, least: 0.04 },
-  "rad/s": { factor: 1, decimals: 3, least: 0.04 },
-  "m/s": { factor: 1, decimals: 2, least: 0.2 },
-  ms: { factor: 1, decimals: 2, least: 0.2 },
-};
-const IN_DEGREES: Record<string, string> = { rad: "°", "rad/s": "°/s" };
+/** A value of a channel as shown. */
+export function asShown(channel: number, value: number): number {
+  return TURNED.includes(CHANNELS[channel].key) ? -value : value;
+}
 
-/** Returns how values of a unit are displayed. */
-export function shown(unit: string, degrees: boolean): Shown {
-  const name = (degrees && IN_DEGREES[unit]) || unit;
-  return { unit: name, ...(SHOWN[name] ?? { factor: 1, decimals: 3, least: 0.02 }) };
+/** Values of a channel as shown. */
+export function allAsShown(channel: number, values: Float64Array): Float64Array {
+  return TURNED.includes(CHANNELS[channel].key) ? values.map((value) => -value) : values;
 }
 
 /** Unwraps an angle. */

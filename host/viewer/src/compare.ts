@@ -1,6 +1,6 @@
 // Two flights beside each other: both bodies in one picture, joints and channels over each other.
 
-import { unwrapped, unwrappedBeside } from "./channels";
+import { allAsShown, sense, unwrapped, unwrappedBeside } from "./channels";
 import { chooser } from "./chooser";
 import { type Columns, unpack } from "./data";
 import { button, element } from "./dom";
@@ -8,11 +8,14 @@ import { savePng, saveSvg } from "./exports";
 import type { Picture, Pose, Segments } from "./figure";
 import { CAMERA_KEYS, help } from "./help";
 import { Moment } from "./moment";
+import { Notes } from "./notes";
 import { PLAYER_KEYS, Player, type Scene } from "./player";
 import { type PlotSpec, Plots } from "./plots";
 import { doubts, provenance, shell } from "./shell";
 import { Stage } from "./stage";
 import { type Beside, CHANNELS, type PageData } from "./types";
+import { unitChoice } from "./unit-choice";
+import { VideoBeside } from "./video";
 
 const INKS = ["simulated", "measured"];
 /** Depth of the drawn ground below the lowest point (m). */
@@ -28,6 +31,8 @@ class Compare implements Scene {
   private readonly stage: Stage;
   private readonly plots: Plots;
   private readonly player: Player;
+  private readonly notes: Notes;
+  private readonly video: VideoBeside;
 
   constructor(
     data: PageData,
@@ -48,12 +53,17 @@ class Compare implements Scene {
     const specs = this.specs();
     const room = () => aside.clientHeight - 8;
     this.plots = new Plots({ place: aside, time: this.time, seek, room }, specs);
-    aside.append(chooser(specs, this.plots), provenance(data));
+    this.video = new VideoBeside(data.video);
+    main.append(this.video.place);
+    this.notes = new Notes(data, this.video, () => this.player.time, seek);
+    aside.append(chooser(specs, this.plots), this.notes.place, provenance(data));
     this.player = new Player(footer, this.time[0], this.time[this.time.length - 1], this);
     const name = data.title || "compare";
     header.append(
       element("span", { style: "flex:1" }),
-      button("SVG", "The plots as one figure", () => saveSvg(name, this.time, this.plots.specs, this.plots.degrees)),
+      unitChoice(),
+      this.video.button,
+      button("SVG", "The plots as one figure", () => saveSvg(name, this.time, this.plots.specs)),
       button("PNG", "The picture", () => savePng(name, this.stage.drawer.canvas)),
       help(["Time", PLAYER_KEYS], ["Picture", CAMERA_KEYS]),
     );
@@ -64,7 +74,16 @@ class Compare implements Scene {
     return this.stage.cost;
   }
 
-  show(time: number): void {
+  range(): [number, number] {
+    return this.plots.range();
+  }
+
+  note(): void {
+    this.notes.write();
+  }
+
+  show(time: number, pace: number): void {
+    this.video.follow(time, pace);
     this.stage.draw(this.picture(time));
     this.plots.mark(time);
   }
@@ -119,7 +138,8 @@ class Compare implements Scene {
     });
     const channels = CHANNELS.map(({ key, label, unit, angle }, k): PlotSpec => {
       const [a, b] = ["a_channels", "b_channels"].map((side) => this.list(side)[k]);
-      return { key, title: label, unit, lines: pair(angle ? [unwrapped(a), unwrappedBeside(b, a)] : [a, b]) };
+      const both = angle ? [unwrapped(a), unwrappedBeside(b, a)] : [a, b];
+      return { key, title: label, unit, note: sense(k), lines: pair(both.map((values) => allAsShown(k, values))) };
     });
     return [...angles, ...channels];
   }

@@ -3,7 +3,7 @@ import bytes from "core.wasm";
 import { Layout } from "./layout";
 import type { FlyData } from "./types";
 
-interface Exports {
+export interface Exports {
   memory: WebAssembly.Memory;
   setup_numbers(): number;
   setup_length(): number;
@@ -20,6 +20,21 @@ interface Exports {
   damping(pitch: number, yaw: number, roll: number): void;
   step(count: number): void;
   see(): number;
+  model_numbers(): number;
+  start_numbers(): number;
+  row_numbers(): number;
+  change_body(massFactor: number, areaFactor: number, withoutInputs: number): void;
+  change_joint(index: number, by: number, from: number, to: number): number;
+  begin_changed(asPublished: number): void;
+  push_row(): number;
+  finish_changed(): void;
+  see_changed(): number;
+  frame_changed(): number;
+}
+
+/** Starts an instance of the core. */
+export function core(): Exports {
+  return new WebAssembly.Instance(new WebAssembly.Module(bytes as BufferSource)).exports as unknown as Exports;
 }
 
 export class Core {
@@ -28,8 +43,7 @@ export class Core {
 
   constructor(data: FlyData) {
     this.layout = new Layout(data);
-    this.exports = new WebAssembly.Instance(new WebAssembly.Module(bytes as BufferSource))
-      .exports as unknown as Exports;
+    this.exports = core();
     if (this.exports.setup_length() !== data.setup.length) {
       throw new Error("The page and its data are of different versions: create the page again with bodyflight fly.");
     }

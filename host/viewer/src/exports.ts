@@ -1,5 +1,6 @@
 // Exports of a replay: CSV, SVG, PNG, WebM.
 
+import type { Columns } from "./data";
 import { save } from "./dom";
 import type { Flight } from "./flight";
 import type { PlotSpec } from "./plots";
@@ -7,25 +8,28 @@ import type { Stage } from "./stage";
 import { svg } from "./svg";
 import { CHANNELS } from "./types";
 
-/** All channels of the rows between two times, as CSV. */
-export function csv(flight: Flight, [from, to]: [number, number]): string {
+/** All channels of the rows between two times, as CSV with the columns and signs of `bodyflight simulate --out`. */
+function csv(columns: Columns, [from, to]: [number, number]): string {
   const names = CHANNELS.flatMap(({ key }) => [`measured_${key}`, `simulated_${key}`]);
   const lines = [["time_s", ...names].join(",")];
-  const [measured, simulated] = [flight.list("measured"), flight.list("simulated")];
-  flight.time.forEach((time, row) => {
+  const list = (name: string) => columns.get(name) ?? [];
+  const [measured, simulated, [times]] = [list("measured"), list("simulated"), list("time_s")];
+  times.forEach((time, row) => {
     if (time < from || time > to) return;
     const values = CHANNELS.flatMap((_, k) => [measured[k][row], simulated[k][row]]);
-    lines.push([time, ...values].map((value) => value.toFixed(4)).join(","));
+    lines.push([time.toFixed(6), ...values.map((value) => value.toFixed(4))].join(","));
   });
   return `${lines.join("\n")}\n`;
 }
 
-export function saveCsv(name: string, flight: Flight, range: [number, number]): void {
-  save(`${name}.csv`, new Blob([csv(flight, range)], { type: "text/csv" }));
+/** Saves the channels at the rate of the recording, if the page has them. */
+export async function saveCsv(name: string, flight: Flight, range: [number, number]): Promise<void> {
+  const columns = (await flight.atFullRate()) ?? flight.columns;
+  save(`${name}.csv`, new Blob([csv(columns, range)], { type: "text/csv" }));
 }
 
-export function saveSvg(name: string, time: ArrayLike<number>, specs: PlotSpec[], degrees: boolean): void {
-  save(`${name}.svg`, new Blob([svg(name, time, specs, degrees)], { type: "image/svg+xml" }));
+export function saveSvg(name: string, time: ArrayLike<number>, specs: PlotSpec[]): void {
+  save(`${name}.svg`, new Blob([svg(name, time, specs)], { type: "image/svg+xml" }));
 }
 
 export function savePng(name: string, canvas: HTMLCanvasElement): void {

@@ -24,6 +24,8 @@ export interface Picture {
   segments: Segments;
   /** The posture of the measured body, if it has another one. */
   other?: Segments;
+  /** A third body: the flight with changes. */
+  changed?: { pose: Pose; segments: Segments };
   cg: Vector;
   wind: Vector;
 }

@@ -1,5 +1,5 @@
 // A decoded run of the replay: values at rows, and interpolated pictures between them.
-import { unwrapped, unwrappedBeside } from "./channels";
+import { allAsShown, unwrapped, unwrappedBeside } from "./channels";
 import { type Columns, rowAt, unpack, wrapped } from "./data";
 import type { Picture } from "./figure";
 import { Moment } from "./moment";
@@ -7,6 +7,7 @@ import { CHANNELS, type Run } from "./types";
 
 export class Flight {
   readonly time: Float64Array;
+  private full: Promise<Columns> | null = null;
 
   private constructor(
     readonly run: Run,
@@ -37,14 +38,29 @@ export class Flight {
   /** A channel as plotted, with unwrapped angles. */
   plotted(side: "measured" | "simulated", channel: number): Float64Array {
     const values = this.list(side)[channel];
-    if (!CHANNELS[channel].angle) return values;
-    return side === "measured" ? unwrapped(values) : unwrappedBeside(values, this.list("measured")[channel]);
+    return side === "measured" && CHANNELS[channel].angle
+      ? allAsShown(channel, unwrapped(values))
+      : this.beside(channel, values);
   }
 
-  /** Measured minus simulated; angle differences are wrapped. */
+  /** Values of a channel of another flight of the same person as plotted, with angles that begin near the measured one. */
+  beside(channel: number, values: Float64Array): Float64Array {
+    const near = CHANNELS[channel].angle ? unwrappedBeside(values, this.list("measured")[channel]) : values;
+    return allAsShown(channel, near);
+  }
+
+  /** Measured minus simulated, as shown; angle differences are wrapped. */
   residual(channel: number): Float64Array {
     const [measured, simulated] = [this.list("measured")[channel], this.list("simulated")[channel]];
-    return measured.map((value, k) => (CHANNELS[channel].angle ? wrapped(value - simulated[k]) : value - simulated[k]));
+    const difference = measured.map((value, k) => value - simulated[k]);
+    return allAsShown(channel, CHANNELS[channel].angle ? difference.map(wrapped) : difference);
+  }
+
+  /** The data at the rate of the recording, or null if the page has none; unpacked once. */
+  atFullRate(): Promise<Columns> | null {
+    const full = this.run.full_rate;
+    if (full) this.full ??= unpack(full.series);
+    return this.full;
   }
 
   picture(time: number): Picture {

@@ -15,6 +15,8 @@ import { Stage } from "./stage";
 import { written } from "./ticks";
 import { Traces } from "./traces";
 import type { FlyData, PageData } from "./types";
+import { unitChoice } from "./unit-choice";
+import { length } from "./units";
 
 const RATE = 240;
 const FLY_KEYS: Keys = [
@@ -62,7 +64,7 @@ class Fly {
     this.stage = new Stage(main, flight, false);
     this.ground = new Ground(flight.warning_height_m);
     main.append(this.instruments.place, this.ground.place);
-    this.recorder = new Recorder(flight.layout);
+    this.recorder = new Recorder(flight);
     this.pilot = new Pilot(this.core);
     header.append(
       this.starts(),
@@ -88,6 +90,7 @@ class Fly {
     this.gamepads = new Gamepads(this.core, flight.controls, acts);
     const thumbs = pads(this.keyboard);
     main.append(thumbs);
+    header.append(unitChoice());
     header.append(toggle("touch", "Touch controls", !thumbs.hidden, (on) => (thumbs.hidden = !on)));
     header.append(
       help(
@@ -167,7 +170,7 @@ class Fly {
     const recorded = this.recorder.length;
     const height = core.layout.part(frame, "position_m")[2];
     this.instruments.show(reading(observation), null, [
-      `height above ground ${written(height, 0)} m`,
+      `height above ground ${length(height)}`,
       `${written(now, 1)} s${recorded === null ? "" : `, recorded ${(recorded / RATE).toFixed(1)} s`}`,
     ]);
     this.ground.show(height, now, core.exports.is_on_ground() !== 0);

@@ -29,7 +29,10 @@ export class Ghost extends Person {
   private readonly veil: MeshBasicMaterial;
   private readonly outline: MeshBasicMaterial;
 
-  constructor(surface: Surface) {
+  constructor(
+    surface: Surface,
+    private readonly ink = "ghost",
+  ) {
     // The first fragment marks its pixel in the stencil buffer; later ones are discarded.
     const once = { stencilRef: 1, stencilFunc: NotEqualStencilFunc, stencilZPass: ReplaceStencilOp };
     const veil = layer({ ...once, opacity: 0.16 });
@@ -48,7 +51,7 @@ export class Ghost extends Person {
   }
 
   recolour(): void {
-    for (const material of [this.veil, this.outline]) material.color = new Color(colour("ghost"));
+    for (const material of [this.veil, this.outline]) material.color = new Color(colour(this.ink));
   }
 
   /** Keeps the outline equally wide on screen at every distance. */

@@ -1,4 +1,5 @@
 // History of a live stream, for plots and for looking back.
+import { asShown, sense } from "./channels";
 import type { Layout } from "./layout";
 import type { PlotSpec } from "./plots";
 import { CHANNELS, type Look } from "./types";
@@ -32,8 +33,9 @@ export class LiveHistory {
     this.latency.push(look.stream?.latency_ms ?? NaN);
     const frame = this.frames[this.frames.length - 1];
     for (const [n, { measured, simulated }] of this.bodies.entries()) {
-      measured.push(frame ? this.layout.part(frame, "measured")[SHOWN[n]] : NaN);
-      simulated.push(frame && look.avatar ? this.layout.part(frame, "observation")[SHOWN[n]] : NaN);
+      const value = (part: string) => asShown(SHOWN[n], this.layout.part(frame, part)[SHOWN[n]]);
+      measured.push(frame ? value("measured") : NaN);
+      simulated.push(frame && look.avatar ? value("observation") : NaN);
     }
     const estimate = look.stream?.estimate;
     for (const [k, list] of this.states.entries()) {
@@ -79,6 +81,7 @@ export class LiveHistory {
         key,
         title,
         unit,
+        note: sense(k),
         lines: [
           { label: "measured", ink: "measured", values: measured },
           { label: "simulated", ink: "simulated", dash: [6, 3], values: simulated },

@@ -1,22 +1,24 @@
 // Instruments for heading and fall rate, with their values.
+import { asShown } from "./channels";
 import { element } from "./dom";
 import { written } from "./ticks";
+import { GAUGE, shown, units } from "./units";
 
 /** Values shown by the instruments. */
 export interface Reading {
-  /** Heading (rad), 0 is north, positive towards west. */
+  /** Heading (rad), 0 is north, positive to the right as on a compass. */
   heading: number;
   /** Fall rate and ground speed (m/s). */
   fall: number;
   level: number;
-  /** Turn rate about the vertical (rad/s). */
+  /** Turn rate about the vertical (rad/s), positive to the right. */
   turn: number;
 }
 
 const SVG = "http://www.w3.org/2000/svg";
 const DEGREES = 180 / Math.PI;
-/** Full scale of the fall rate (m/s), and half the angle of its arc (degrees). */
-const [FULL, HALF] = [100, 125];
+/** Half the angle of the arc of the fall rate (degrees). */
+const HALF = 125;
 
 function drawn(tag: string, attributes: Record<string, string | number>, text = ""): SVGElement {
   const made = document.createElementNS(SVG, tag);
@@ -38,12 +40,17 @@ const at = (angle: number, radius: number) => ({
   y: (4 - radius * Math.cos(angle / DEGREES)).toFixed(1),
 });
 
+/** Heading on a compass (degrees). */
+const bearing = ({ heading }: Reading) => (heading * DEGREES + 720) % 360;
+/** A speed (m/s) in the unit of the reader. */
+const speed = (value: number) => value * shown("m/s").factor;
+
 /** Name, value, decimals and unit of each row. */
-const ROWS: [string, (reading: Reading) => number, number, string][] = [
-  ["heading", (reading) => (-reading.heading * DEGREES + 720) % 360, 0, "°"],
-  ["fall rate", (reading) => reading.fall, 1, "m/s"],
-  ["over ground", (reading) => reading.level, 1, "m/s"],
-  ["turn", (reading) => reading.turn * DEGREES, 0, "°/s"],
+const ROWS: [string, (reading: Reading) => number, number, () => string][] = [
+  ["heading", bearing, 0, () => "°"],
+  ["fall rate", (reading) => speed(reading.fall), 1, () => units.speed],
+  ["over ground", (reading) => speed(reading.level), 1, () => units.speed],
+  ["turn", (reading) => reading.turn * DEGREES, 0, () => "°/s to the right"],
 ];
 
 /** A row of text; only the parts that change are updated. */
@@ -67,12 +74,12 @@ export class Instruments {
   private readonly bug = drawn("path", { d: "M0 -47l5 9h-10z", class: "measured" });
   private readonly needle = drawn("path", { d: "M-3 0L0 -38L3 0z", class: "needle" });
   private readonly thin = drawn("path", { d: "M0 0V-42", class: "measured thin" });
+  private readonly scale = drawn("g", {});
   private readonly rows = ROWS.map(() => new Row());
   private readonly remarks = element("div");
 
   constructor() {
     for (let angle = 0; angle < 360; angle += 30) this.card.append(spoke(angle, 40, 46));
-    // The model's heading is positive towards west, a compass's towards east.
     for (const [angle, name] of [
       [0, "N"],
       [90, "E"],
@@ -80,32 +87,42 @@ export class Instruments {
       [270, "W"],
     ] as const)
       this.card.append(drawn("text", at(angle, 32), name));
-    const scale = [0, 20, 40, 60, 80, 100].flatMap((speed) => {
-      const angle = this.angle(speed);
-      return [spoke(angle, 40, 46), drawn("text", at(angle, 31), String(speed))];
-    });
-    const gauge = dial("fall rate", ...scale, this.thin, this.needle, drawn("circle", { r: 4, class: "hub" }));
+    this.mark();
+    units.onChoice(() => this.mark());
+    const gauge = dial("fall rate", this.scale, this.thin, this.needle, drawn("circle", { r: 4, class: "hub" }));
     const lubber = drawn("path", { d: "M0 -24l4 10h-8z", class: "needle" });
     const numbers = element("div", { class: "numbers" }, ...this.rows.map((row) => row.place), this.remarks);
     this.place.append(dial("heading", this.card, this.bug, lubber), gauge, numbers);
   }
 
-  private angle(speed: number): number {
-    return -HALF + (2 * HALF * Math.max(0, Math.min(FULL, speed))) / FULL;
+  /** Marks the gauge in the unit of the reader. */
+  private mark(): void {
+    const [step, full] = GAUGE[units.speed];
+    const marks = Array.from({ length: full / step + 1 }, (_, k) => k * step);
+    const parts = marks.flatMap((value) => {
+      const angle = -HALF + (2 * HALF * value) / full;
+      return [spoke(angle, 40, 46), drawn("text", at(angle, 31), String(value))];
+    });
+    this.scale.replaceChildren(...parts);
   }
 
-  show(shown: Reading, measured: Reading | null, remarks: string[] = []): void {
-    const heading = (-shown.heading * DEGREES + 720) % 360;
-    this.card.setAttribute("transform", `rotate(${-heading})`);
-    this.needle.setAttribute("transform", `rotate(${this.angle(shown.fall)})`);
+  /** Angle of the needle for a fall rate (m/s). */
+  private angle(fall: number): number {
+    const [, full] = GAUGE[units.speed];
+    return -HALF + (2 * HALF * Math.max(0, Math.min(full, speed(fall)))) / full;
+  }
+
+  show(reading: Reading, measured: Reading | null, remarks: string[] = []): void {
+    this.card.setAttribute("transform", `rotate(${-bearing(reading)})`);
+    this.needle.setAttribute("transform", `rotate(${this.angle(reading.fall)})`);
     for (const part of [this.bug, this.thin]) part.style.display = measured ? "" : "none";
     if (measured) {
-      this.bug.setAttribute("transform", `rotate(${(shown.heading - measured.heading) * DEGREES})`);
+      this.bug.setAttribute("transform", `rotate(${(measured.heading - reading.heading) * DEGREES})`);
       this.thin.setAttribute("transform", `rotate(${this.angle(measured.fall)})`);
     }
     for (const [k, [name, value, decimals, unit]] of ROWS.entries()) {
       const beside = measured ? ` (measured ${written(value(measured), decimals)})` : "";
-      this.rows[k].show(`${name} ${written(value(shown), decimals)}`, beside, ` ${unit}`);
+      this.rows[k].show(`${name} ${written(value(reading), decimals)}`, beside, ` ${unit()}`);
     }
     if (this.remarks.textContent !== remarks.join(""))
       this.remarks.replaceChildren(...remarks.map((remark) => element("div", {}, remark)));
@@ -114,5 +131,6 @@ export class Instruments {
 
 /** Reads the instruments' values from channels in the order of CHANNELS. */
 export function reading(channels: ArrayLike<number>): Reading {
-  return { heading: channels[2], fall: -channels[6], level: channels[5], turn: channels[3] };
+  const value = (channel: number) => asShown(channel, channels[channel]);
+  return { heading: value(2), fall: -value(6), level: value(5), turn: value(3) };
 }

@@ -7,8 +7,9 @@ const FORCE = 100;
 const ENTRIES: [string, string, boolean][] = [
   ["on-suit", "simulated", false],
   ["ghost", "measured (outline)", true],
-  ["bad", "aerodynamic force", false],
-  ["second", "wind", false],
+  ["cg", "centre of gravity (white ball)", false],
+  ["force", "aerodynamic force", false],
+  ["wind", "wind", false],
   ["simulated", "flight path", false],
 ];
 
@@ -22,6 +23,12 @@ export class Key {
     role: "img",
     "aria-label": "north, west, up",
   });
+  private readonly changed = element(
+    "div",
+    {},
+    element("i", { style: "background:var(--second)" }),
+    "with changes (outline)",
+  );
   /** View direction of the last drawing. */
   private drawn: [number, number] | null = null;
   private length = "";
@@ -32,17 +39,19 @@ export class Key {
     names: string[] = [],
   ) {
     const rows = ENTRIES.filter(([, , isMeasured]) => measured || !isMeasured).map(([ink, words], k) =>
-      element("div", {}, element("i", { style: `background:var(--${ink})` }), names[k] ?? words),
+      element("div", {}, element("i", { class: ink, style: `background:var(--${ink})` }), names[k] ?? words),
     );
     const scale = element("div", {}, this.bar, ` ${FORCE} N, ${FORCE / newtonsPerMetre} m`);
-    this.place.append(this.axes, element("div", {}, ...rows, scale));
+    this.changed.hidden = true;
+    this.place.append(this.axes, element("div", {}, ...rows, this.changed, scale));
     onRecolour(() => {
       this.drawn = null;
     });
   }
 
-  /** Updates the key for a view with this many pixels per metre. */
-  show(view: View, pixels: number): void {
+  /** Updates the key for a view with this many pixels per metre, with or without a flight with changes. */
+  show(view: View, pixels: number, isChanged: boolean): void {
+    if (this.changed.hidden === isChanged) this.changed.hidden = !isChanged;
     const length = `${Math.min(160, (pixels * FORCE) / this.newtonsPerMetre).toFixed(0)}px`;
     if (length !== this.length) this.bar.style.width = length;
     this.length = length;

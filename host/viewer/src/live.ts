@@ -9,6 +9,7 @@ import { Plots } from "./plots";
 import { provenance, shell } from "./shell";
 import { Stage } from "./stage";
 import type { FlyData, Look, PageData } from "./types";
+import { unitChoice } from "./unit-choice";
 
 /** Interval between updates of the plots (ms), which are slower to draw than the picture. */
 const PLOT_INTERVAL = 500;
@@ -66,6 +67,7 @@ class LiveView {
     header.append(
       this.state,
       element("span", { style: "flex:1" }),
+      unitChoice(),
       button("restart", again, () => this.socket?.send(new Uint8Array([1]))),
       help(["Picture", CAMERA_KEYS]),
     );

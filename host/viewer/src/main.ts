@@ -4,10 +4,12 @@ import { BadData, pageData } from "./data";
 import { fly } from "./fly";
 import { live } from "./live";
 import { replay } from "./replay";
+import { keepPage } from "./saving";
 import { problem } from "./shell";
 import "./style.css";
 
 async function main(): Promise<void> {
+  keepPage();
   const data = pageData();
   if (data.mode === "replay" && data.runs.length > 0) await replay(data);
   else if (data.mode === "fly" && data.fly) fly(data, data.fly);

@@ -1,5 +1,6 @@
 // Ground track seen from above, north up.
 import { colour, element } from "./dom";
+import { shown } from "./units";
 
 export interface Way {
   north: ArrayLike<number>;
@@ -48,9 +49,10 @@ export class TopView {
     }
     context.fillStyle = colour("text");
     context.font = "20px system-ui";
-    const step = 10 ** Math.floor(Math.log10(extent / 2));
-    context.fillRect(10, size - 12, (step / extent) * size, 3);
-    context.fillText(`${step} m`, 10, size - 18);
+    const { unit, factor } = shown("m");
+    const step = 10 ** Math.floor(Math.log10((extent / 2) * factor));
+    context.fillRect(10, size - 12, (step / factor / extent) * size, 3);
+    context.fillText(`${step} ${unit}`, 10, size - 18);
     context.fillText("N ↑", size - 44, 24);
   }
 

@@ -9,6 +9,7 @@ import {
   Matrix4,
   Mesh,
   MeshLambertMaterial,
+  type Object3D,
   Quaternion as Turn,
   Vector3,
 } from "three";
@@ -125,6 +126,7 @@ export class Surface {
 export class Person {
   readonly root = new Group();
   private readonly rig: Group | null = null;
+  private readonly own: Object3D[] = [];
   private readonly chest: number;
 
   constructor(
@@ -138,8 +140,14 @@ export class Person {
     this.add(material, order);
     if (dressed && worn.rig && this.chest >= 0) {
       this.rig = new Group().add(rig(shapes[this.chest]));
+      this.own.push(this.rig);
       this.root.add(this.rig);
     }
+  }
+
+  /** Hides skin and rig, and leaves what is attached to the body. */
+  undress(on: boolean): void {
+    for (const part of this.own) part.visible = !on;
   }
 
   /** Draws the body again in another material; higher orders are drawn on top. */
@@ -147,6 +155,7 @@ export class Person {
     const mesh = new Mesh(this.surface.geometry, material);
     mesh.frustumCulled = false;
     mesh.renderOrder = order;
+    this.own.push(mesh);
     this.root.add(mesh);
   }
 

@@ -1,5 +1,5 @@
 // Time controls of a replay: slider, clock, playback, and their keys.
-import { button, element, typing } from "./dom";
+import { button, element, toggle, typing } from "./dom";
 import type { Keys } from "./help";
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2];
@@ -13,12 +13,19 @@ export const PLAYER_KEYS: Keys = [
   ["[  ]", "slower, faster"],
   ["←  →", "1/30 s; with shift 1 s"],
   [",  .", "1/30 s"],
+  ["L", "loop over the time range of the plots"],
+  ["M", "write a note at this time"],
   ["home  end", "first and last frame"],
 ];
 
 /** Something that can be shown at a time. */
 export interface Scene {
-  show(time: number): void;
+  /** Shows a time (s) that passes at a pace, 0 if it is still. */
+  show(time: number, pace: number): void;
+  /** Time range to loop over. */
+  range(): [number, number];
+  /** Begins a note. */
+  note(): void;
   /** Drawing time of the last picture (ms). */
   readonly cost: number;
 }
@@ -31,6 +38,8 @@ export class Player {
   private readonly slider: HTMLInputElement;
   private readonly clock = element("output", { id: "time" });
   private readonly play: HTMLButtonElement;
+  private readonly loop: HTMLButtonElement;
+  private loops = false;
   private readonly pace: HTMLSelectElement;
   private readonly cost = element("span", {
     class: "faint",
@@ -64,7 +73,15 @@ export class Player {
       this.speed = Number(this.pace.value);
       this.pace.blur();
     });
-    place.append(this.play, this.slider, this.clock, this.pace, this.cost);
+    this.loop = toggle(
+      "loop",
+      "Loop over the time range of the plots (L): drag in a plot to select it",
+      false,
+      (on) => {
+        this.loops = on;
+      },
+    );
+    place.append(this.play, this.loop, this.slider, this.clock, this.pace, this.cost);
     this.listenToKeys();
   }
 
@@ -82,21 +99,32 @@ export class Player {
   show(): void {
     this.slider.value = String(this.now);
     this.clock.textContent = `${this.now.toFixed(3)} s`;
-    this.scene.show(this.now);
+    this.scene.show(this.now, this.playing ? this.speed : 0);
+  }
+
+  /** The time range that is played. */
+  private range(): [number, number] {
+    if (!this.loops) return [this.begin, this.end];
+    const [from, to] = this.scene.range();
+    return [Math.max(this.begin, from), Math.min(this.end, to)];
   }
 
   start(): void {
-    if (this.now >= this.end) this.now = this.begin;
+    const [from, to] = this.range();
+    if (this.now >= to || this.now < from) this.now = from;
     this.playing = true;
     this.play.textContent = "pause";
     let before = performance.now();
     const next = (now: number) => {
       if (!this.playing) return;
-      this.now = Math.min(this.end, this.now + ((now - before) / 1000) * this.speed);
+      const [from, to] = this.range();
+      this.now = Math.min(to, this.now + ((now - before) / 1000) * this.speed);
+      const isOver = this.now >= to;
+      if (isOver && this.loops) this.now = from;
       this.cost.textContent = `${(now - before).toFixed(1)} ms, ${this.scene.cost.toFixed(1)} ms`;
       before = now;
       this.show();
-      if (this.now >= this.end) this.pause();
+      if (isOver && !this.loops) this.pause();
       else requestAnimationFrame(next);
     };
     requestAnimationFrame(next);
@@ -105,6 +133,7 @@ export class Player {
   private pause(): void {
     this.playing = false;
     this.play.textContent = "play";
+    this.show();
     this.remember();
   }
 
@@ -136,6 +165,8 @@ export class Player {
       End: () => this.seek(this.end),
       "[": () => this.faster(-1),
       "]": () => this.faster(1),
+      l: () => this.loop.click(),
+      m: () => this.scene.note(),
     };
     addEventListener("keydown", (event) => {
       const act = keys[event.key];

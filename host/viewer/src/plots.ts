@@ -1,10 +1,11 @@
 // Plots of channels over time with a common cursor, legend and time axis.
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { type Shown, shown } from "./channels";
 import { rowAt } from "./data";
-import { button, colour, element, onRecolour } from "./dom";
+import { colour, element, onRecolour } from "./dom";
+import { own, part, STRIP, widened } from "./strip";
 import { span, ticks, written } from "./ticks";
+import { type Shown, shown, units } from "./units";
 
 export interface Line {
   label: string;
@@ -14,7 +15,7 @@ export interface Line {
   values: ArrayLike<number>;
   /** Half width of a band around the values: two standard deviations. */
   spread?: ArrayLike<number>;
-  /** Whether it uses the axis on the right, as residuals do. */
+  /** Whether it is drawn in the strip below, with the axis on the right, as residuals are. */
   right?: boolean;
 }
 export interface PlotSpec {
@@ -37,16 +38,18 @@ export interface Frame {
   room?: () => number;
 }
 
-const TITLE = 15;
-const TIME_AXIS = 18;
-const [LOWEST, HIGHEST] = [40, 240];
-const EDGE = 44;
+/** Heights of titles and time axis, width of the axes, and range of heights of a plot, in sizes of the font. */
+const [TITLE, TIME_AXIS, EDGE] = [1.16, 1.4, 3.4];
+const [LOWEST, HIGHEST] = [3.1, 26];
+/** Most ticks of the time axis. */
+const TIMES = 7;
+/** Size of the font of the page (px). */
+const em = () => Number.parseFloat(getComputedStyle(document.body).fontSize) || 13;
 
 export class Plots {
   plots: uPlot[] = [];
   /** Plots shown, in the selected order. */
   specs: PlotSpec[];
-  degrees = true;
   private time: Float64Array;
   private now = NaN;
   private marks: HTMLElement[] = [];
@@ -63,6 +66,7 @@ export class Plots {
     frame.place.append(this.head, this.body);
     this.build();
     onRecolour(() => this.build());
+    units.onChoice(() => this.refresh());
     let width = 0;
     new ResizeObserver(() => {
       // React to the width only: the plots themselves change the height.
@@ -76,6 +80,12 @@ export class Plots {
   choose(keys: string[]): void {
     this.specs = keys.flatMap((key) => this.all.filter((spec) => spec.key === key));
     this.build();
+  }
+
+  /** Draws everything again, after lines were added or units changed. */
+  refresh(): void {
+    this.build();
+    this.mark(this.now);
   }
 
   /** Moves the marks to a time. */
@@ -105,10 +115,12 @@ export class Plots {
   }
 
   private height(k: number): number {
-    const count = Math.max(1, this.specs.length);
-    const room = (this.frame.room?.() ?? 9999) - this.head.offsetHeight - TIME_AXIS - count * TITLE - 8;
-    const each = this.frame.room ? Math.max(LOWEST, Math.min(HIGHEST, Math.floor(room / count))) : 92;
-    return each + (k === count - 1 ? TIME_AXIS : 0);
+    const [count, size] = [Math.max(1, this.specs.length), em()];
+    const axis = Math.round(TIME_AXIS * size);
+    const room = (this.frame.room?.() ?? 9999) - this.head.offsetHeight - axis - count * TITLE * size - 8;
+    const within = Math.max(LOWEST * size, Math.min(HIGHEST * size, room / count));
+    const each = Math.floor(this.frame.room ? within : 7 * size);
+    return each + (k === count - 1 ? axis : 0);
   }
 
   private fit(): void {
@@ -119,7 +131,7 @@ export class Plots {
     const { min, max } = this.plots[0]?.scales.x ?? {};
     for (const plot of this.plots) plot.destroy();
     [this.plots, this.marks, this.readouts] = [[], [], []];
-    this.head.replaceChildren(...legend(this.specs), this.unitSwitch());
+    this.head.replaceChildren(...legend(this.specs));
     this.body.replaceChildren();
     for (const k of this.specs.keys()) this.add(k);
     if (min != null && max != null) for (const plot of this.plots) plot.setScale("x", { min, max });
@@ -132,7 +144,7 @@ export class Plots {
     const title = element(
       "div",
       { class: "title" },
-      element("b", {}, `${spec.title} (${shown(spec.unit, this.degrees).unit})`),
+      element("b", {}, `${spec.title} (${shown(spec.unit).unit})`),
       element("span", { class: "faint note" }, this.note(spec)),
       values,
     );
@@ -151,9 +163,9 @@ export class Plots {
   }
 
   private note({ note, rms, unit }: PlotSpec): string {
-    if (!rms) return note ?? "";
-    const { factor, decimals } = shown(unit, this.degrees);
-    return `RMS ${rms.map((value) => written(value * factor, decimals)).join(", ")}`;
+    const { factor, decimals } = shown(unit);
+    const size = rms && `RMS ${rms.map((value) => written(value * factor, decimals)).join(", ")}`;
+    return [size, note].filter(Boolean).join(", ");
   }
 
   /** Shows the values of the lines at a row. */
@@ -165,7 +177,7 @@ export class Plots {
   }
 
   private shown(k: number): Shown {
-    return shown(this.specs[k].unit, this.degrees);
+    return shown(this.specs[k].unit);
   }
 
   /** Moves the mark of a plot to the current time. */
@@ -180,7 +192,7 @@ export class Plots {
   }
 
   private data(spec: PlotSpec): uPlot.AlignedData {
-    const { factor } = shown(spec.unit, this.degrees);
+    const { factor } = shown(spec.unit);
     // NaN is a gap, which uPlot represents as null.
     const scaled = (values: ArrayLike<number>) =>
       Array.from(values, (value) => (Number.isNaN(value) ? null : value * factor));
@@ -193,25 +205,13 @@ export class Plots {
   private options(k: number): uPlot.Options {
     const spec = this.specs[k];
     const { least } = this.shown(k);
-    const axis = {
-      stroke: () => colour("faint"),
-      grid: { stroke: () => colour("line"), width: 1 },
-      ticks: { show: false },
-      font: "10px system-ui",
-      gap: 3,
-    };
-    const of = (most: number) => ({
-      splits: (_: uPlot, __: number, low: number, high: number) => ticks(low, high, most).values,
-      values: (plot: uPlot, splits: number[], which: number) => {
-        const { min, max } = plot.scales[plot.axes[which].scale ?? "x"];
-        const { decimals } = ticks(min ?? 0, max ?? 1, most);
-        return splits.map((value) => written(value, decimals));
-      },
-    });
-    const isLast = k === this.specs.length - 1;
-    const isRight = spec.lines.some((line) => line.right);
-    const range = (_: uPlot, low: number | null, high: number | null): [number, number] =>
-      span([[low ?? NaN, high ?? NaN]], least);
+    const size = em();
+    const isDivided = spec.lines.some((line) => line.right);
+    const range =
+      (isRight: boolean) =>
+      (_: uPlot, low: number | null, high: number | null): [number, number] =>
+        widened(span([[low ?? NaN, high ?? NaN]], least), part(isDivided, isRight));
+    const edge = Math.round(EDGE * size);
     const end = (line: Line) => ({ scale: "y", stroke: "transparent", width: 0, fill: undefined, label: line.label });
     let next = spec.lines.length + 1;
     const bands = spec.lines.flatMap((line): uPlot.Band[] => {
@@ -223,18 +223,13 @@ export class Plots {
     return {
       width: this.width(),
       height: this.height(k),
-      padding: [5, isRight ? 0 : EDGE, 5, 0],
+      padding: [5, isDivided ? 0 : edge, 5, 0],
       cursor: { sync: { key: "time" }, drag: { x: true, y: false }, points: { size: 5 } },
-      scales: { x: { time: false }, y: { range }, right: { range } },
-      axes: [
-        { ...axis, ...of(7), size: TIME_AXIS, show: isLast },
-        { ...axis, ...of(4), size: EDGE, scale: "y" },
-        ...(isRight
-          ? [{ ...axis, ...of(3), size: EDGE, scale: "right", side: 1 as const, grid: { show: false } }]
-          : []),
-      ],
+      scales: { x: { time: false }, y: { range: range(false) }, right: { range: range(true) } },
+      axes: axes(k === this.specs.length - 1, isDivided, size),
       legend: { show: false },
       hooks: {
+        drawAxes: isDivided ? [divide] : [],
         ready: [(plot) => this.place(k, plot)],
         setSize: [(plot) => this.place(k, plot)],
         setScale: [(plot, scale) => scale === "x" && this.place(k, plot)],
@@ -255,16 +250,53 @@ export class Plots {
       ],
     };
   }
+}
 
-  private unitSwitch(): HTMLElement {
-    const made = button(this.degrees ? "°" : "rad", "Angles in degrees or in radians", () => {
-      this.degrees = !this.degrees;
-      this.build();
-      this.mark(this.now);
-    });
-    made.id = "degrees";
-    return made;
-  }
+/** The values that are at least this far apart, so that their labels do not overlap; the highest is kept. */
+function spaced(values: number[], apart: number): number[] {
+  const kept: number[] = [];
+  for (const value of values.toReversed()) if (kept.length === 0 || kept[0] - value >= apart) kept.unshift(value);
+  return kept;
+}
+
+/** Axes of time, on the left, and of a divided plot on the right, for a size of the font (px). */
+function axes(hasTime: boolean, isDivided: boolean, size: number): uPlot.Axis[] {
+  const axis = {
+    stroke: () => colour("faint"),
+    grid: { stroke: () => colour("line"), width: 1 },
+    ticks: { show: false },
+    font: `${Math.round(0.77 * size)}px system-ui`,
+    gap: 3,
+  };
+  const of = (most: number, within: [number, number]) => ({
+    splits: (plot: uPlot, _: number, low: number, high: number) => {
+      const range = own([low, high], within);
+      const { values } = ticks(...range, most);
+      const pixels = ((within[1] - within[0]) * plot.bbox.height) / devicePixelRatio;
+      return most === TIMES ? values : spaced(values, ((range[1] - range[0]) / pixels) * 0.95 * size);
+    },
+    values: (plot: uPlot, splits: number[], which: number) => {
+      const { min, max } = plot.scales[plot.axes[which].scale ?? "x"];
+      const { decimals } = ticks(...own([min ?? 0, max ?? 1], within), most);
+      return splits.map((value) => written(value, decimals));
+    },
+  });
+  const edge = Math.round(EDGE * size);
+  const left = { ...axis, ...of(4, part(isDivided, false)), size: edge, scale: "y" };
+  const right = { ...axis, ...of(2, part(true, true)), size: edge, scale: "right", side: 1 as const };
+  return [
+    { ...axis, ...of(TIMES, [0, 1]), size: Math.round(TIME_AXIS * size), show: hasTime },
+    left,
+    ...(isDivided ? [{ ...right, grid: { show: false } }] : []),
+  ];
+}
+
+/** Draws the line between the signal and the strip of the residuals. */
+function divide(plot: uPlot): void {
+  const { left, top, width, height } = plot.bbox;
+  const y = Math.round(top + (1 - STRIP) * height);
+  plot.ctx.fillStyle = colour("faint");
+  plot.ctx.fillRect(left, y, width, devicePixelRatio);
 }
 
 /** Lines in drawing order: residuals are below the other lines. */
@@ -275,7 +307,7 @@ function legend(specs: PlotSpec[]): HTMLElement[] {
   const seen = new Map<string, HTMLElement>();
   for (const { lines } of specs)
     for (const { label, ink, dash, right, spread } of lines) {
-      const words = `${label}${right ? " (right)" : ""}${spread ? " ± 2 sd" : ""}`;
+      const words = `${label}${right ? " (below)" : ""}${spread ? " ± 2 sd" : ""}`;
       const line = `border-top:2px ${dash ? "dashed" : "solid"} var(--${ink})`;
       if (!seen.has(words)) seen.set(words, element("span", { class: "entry" }, element("i", { style: line }), words));
     }

@@ -9,7 +9,7 @@ export class Recorder {
   /** Recorded frames; null when not recording. */
   private frames: Float32Array[] | null = null;
 
-  constructor(private readonly layout: FlyData["layout"]) {
+  constructor(private readonly flight: FlyData) {
     this.button = button("record", "Record the flight; click again to save it", () => {
       if (this.frames) this.finish(this.frames);
       else this.start();
@@ -63,11 +63,14 @@ export class Recorder {
   }
 
   private saveNumbers(frames: Float32Array[]): void {
-    const names = this.layout.flatMap(([name, count]) =>
+    const { density_kgpm3: density, mass_kg: mass, layout } = this.flight;
+    const first = `# bodyflight fly: density_kgpm3=${density}, mass_kg=${mass}`;
+    const names = layout.flatMap(([name, count]) =>
       count === 1 ? [name] : Array.from({ length: count }, (_, k) => `${name}_${k}`),
     );
     const rows = frames.map((frame) => [...frame].join(","));
-    save("flight.csv", new Blob([[names.join(","), ...rows, ""].join("\n")], { type: "text/csv" }));
-    this.message.textContent = "Saved as CSV; with bodyflight fly it is saved as a recording that every command reads.";
+    save("flight.csv", new Blob([[first, names.join(","), ...rows, ""].join("\n")], { type: "text/csv" }));
+    this.message.textContent =
+      "Saved flight.csv: bodyflight fly --from flight.csv makes a recording of it that every command reads.";
   }
 }

@@ -1,5 +1,7 @@
 // Replay: body, plots and exports on a common timeline.
 
+import type { ChangedFlight } from "./changed";
+import { sense } from "./channels";
 import { chooser } from "./chooser";
 import { rowAt } from "./data";
 import { type Discovery, discoveryPanel } from "./discovery";
@@ -9,12 +11,17 @@ import { Flight } from "./flight";
 import { CAMERA_KEYS, help } from "./help";
 import { Instruments, reading } from "./instruments";
 import { TopView } from "./map";
+import { Notes } from "./notes";
 import { PLAYER_KEYS, Player, type Scene } from "./player";
-import { type PlotSpec, Plots } from "./plots";
+import { type Line, type PlotSpec, Plots } from "./plots";
 import { doubts, provenance, shell } from "./shell";
 import { Stage } from "./stage";
 import { written } from "./ticks";
 import { CHANNELS, type PageData } from "./types";
+import { unitChoice } from "./unit-choice";
+import { shown as display, length, units } from "./units";
+import { VideoBeside } from "./video";
+import { WhatIf } from "./what-if";
 
 /** Depth of the drawn ground below the lowest point of a flight (m). */
 const GROUND_BELOW = 800;
@@ -22,7 +29,7 @@ const GROUND_BELOW = 800;
 const SNAPSHOTS = 5;
 const INKS = ["simulated", "second", "text"];
 /** Colours of the residuals of each flight. */
-const RESIDUAL_INKS = ["residual", "left", "faint"];
+const RESIDUAL_INKS = ["residual", "left", "text"];
 const AXES = ["pitch", "yaw", "roll"];
 const INPUTS = [
   ["muscle pitch", "muscle yaw", "muscle roll"],
@@ -45,6 +52,12 @@ class Replay implements Scene {
   private readonly specs: PlotSpec[];
   private readonly plots: Plots;
   private readonly player: Player;
+  private readonly notes: Notes;
+  private readonly video: VideoBeside;
+  private readonly summary: HTMLElement;
+  /** The first flight with the reader's changes. */
+  private changed: ChangedFlight | null = null;
+  private readonly whatIf = element("div");
 
   constructor(
     data: PageData,
@@ -57,7 +70,8 @@ class Replay implements Scene {
     this.stage = new Stage(main, first.run, true);
     this.stage.drawer.ground = ground(flights);
     this.stage.listenToKeys();
-    main.append(element("div", { class: "over top" }, this.map.canvas), this.instruments.place);
+    this.video = new VideoBeside(data.video);
+    main.append(element("div", { class: "over top" }, this.map.canvas), this.instruments.place, this.video.place);
 
     const seek = (to: number) => this.player.seek(to);
     aside.append(...doubts(data.runs));
@@ -65,7 +79,10 @@ class Replay implements Scene {
     this.specs = plotSpecs(flights);
     const room = () => aside.clientHeight - 8;
     this.plots = new Plots({ place: aside, time: first.time, seek, room }, this.specs);
-    aside.append(chooser(this.specs, this.plots), summary(flights), provenance(data));
+    this.notes = new Notes(data, this.video, () => this.player.time, seek);
+    this.summary = summary(flights);
+    aside.append(chooser(this.specs, this.plots), this.whatIf, this.notes.place, this.summary, provenance(data));
+    this.offerChanges();
 
     const end = Math.max(...flights.map((flight) => flight.end));
     this.player = new Player(footer, first.time[0], end, this);
@@ -73,9 +90,16 @@ class Replay implements Scene {
       this.trail();
       this.player.show();
     });
+    units.onChoice(() => {
+      this.summary.replaceChildren(...summary(flights).children);
+      this.trail();
+      this.player.show();
+    });
     if (flights.length > 1) header.append(this.choice());
     header.append(
       element("span", { style: "flex:1" }),
+      unitChoice(),
+      this.video.button,
       ...this.tools(),
       help(["Time", PLAYER_KEYS], ["Picture", CAMERA_KEYS]),
     );
@@ -91,17 +115,51 @@ class Replay implements Scene {
     return this.stage.cost;
   }
 
-  show(time: number): void {
+  range(): [number, number] {
+    return this.plots.range();
+  }
+
+  note(): void {
+    this.notes.write();
+  }
+
+  show(time: number, pace: number): void {
     const { shown } = this;
     const picture = shown.picture(time);
+    if (this.changed && shown === this.flights[0]) picture.changed = this.changed.at(time);
+    this.video.follow(time, pace);
     this.stage.draw(picture);
     this.plots.mark(time);
     const row = shown.row(time);
     const at = (side: string) => reading(shown.list(side).map((channel) => channel[row]));
     const climbed = shown.list("simulated_position_m")[2];
-    const height = `since the start ${written(climbed[row] - climbed[0], 0)} m`;
+    const height = `since the start ${length(climbed[row] - climbed[0])}`;
     this.instruments.show(at("simulated"), at("measured"), [height]);
     this.map.mark(picture.simulated.position[0], picture.simulated.position[1]);
+  }
+
+  /** Offers changes of the first flight. */
+  private offerChanges(): void {
+    const [flight] = this.flights;
+    const lines = CHANNELS.map((): Line => ({ label: "with changes", ink: "second", dash: [2, 2], values: [] }));
+    const whatIf = new WhatIf(
+      flight,
+      () => this.plots.range(),
+      (changed) => {
+        const was = this.changed;
+        this.changed = changed;
+        for (const [k, line] of lines.entries()) {
+          line.values = changed ? flight.beside(k, changed.channels[k]) : [];
+          const spec = this.specs[k];
+          if (changed && !was) spec.lines.splice(2, 0, line);
+          if (!changed) spec.lines = spec.lines.filter((other) => other !== line);
+        }
+        if (Boolean(was) === Boolean(changed)) this.plots.update();
+        else this.plots.refresh();
+        this.player.show();
+      },
+    );
+    this.whatIf.replaceWith(whatIf.place);
   }
 
   /** Draws the tracks of the flight shown, in the picture and on the map. */
@@ -137,7 +195,7 @@ class Replay implements Scene {
     const first = this.flights[0];
     return [
       button("CSV", "Values in the time range of the plots", () => saveCsv(name, this.shown, plots.range())),
-      button("SVG", "The plots as one figure", () => saveSvg(name, first.time, plots.specs, plots.degrees)),
+      button("SVG", "The plots as one figure", () => saveSvg(name, first.time, plots.specs)),
       button("PNG", "The picture", () => savePng(name, stage.drawer.canvas)),
       button("strip", `${SNAPSHOTS} snapshots over the time range of the plots`, () => this.saveStrip()),
       this.filming(),
@@ -191,6 +249,7 @@ function plotSpecs(flights: Flight[]): PlotSpec[] {
       key,
       title: label,
       unit,
+      note: sense(k),
       rms: flights.map((flight) => flight.run.rms[key]),
       lines: [
         { label: "measured", ink: "measured", values: first.plotted("measured", k) },
@@ -214,8 +273,13 @@ function plotSpecs(flights: Flight[]): PlotSpec[] {
       key: group === 0 ? "muscle" : "damping",
       title: group === 0 ? "muscle input" : "damping coefficients",
       unit: "1",
-      // Known inputs are hidden by default next to estimated ones.
-      aside: first.estimated !== null,
+      // Inputs that do not change show nothing, and known ones are hidden next to estimated ones.
+      aside:
+        first.estimated !== null ||
+        first
+          .list("inputs")
+          .slice(3 * group, 3 * group + 3)
+          .every(isConstant),
       lines: names.map((label, k) => ({
         label: label.split(" ")[1],
         ink: AXES[k],
@@ -224,7 +288,65 @@ function plotSpecs(flights: Flight[]): PlotSpec[] {
       })),
     }),
   );
-  return [...channels, ...inputs, ...flights.flatMap((flight) => estimates(flight, first))];
+  const estimated = flights.flatMap((flight) => estimates(flight, first));
+  return [...channels, ...inputs, ...estimated, ...forms(flights), ...joints(first)];
+}
+
+const isConstant = (values: Float64Array) => values.every((value) => value === values[0]);
+
+/** Load factor and normalised fall rate; hidden unless selected. */
+function forms(flights: Flight[]): PlotSpec[] {
+  const [first] = flights;
+  const simulated = (name: string, place: number) =>
+    flights.map(
+      (flight, n): Line => ({
+        label: n === 0 ? "simulated" : flight.run.name,
+        ink: INKS[n % INKS.length],
+        dash: [6, 3 + 3 * n],
+        values: alike(flight, flight.list(name)[place], first),
+      }),
+    );
+  const [measured] = first.list("normalised_fall_rate_mps");
+  const rate = "normalised_fall_rate_mps";
+  return [
+    {
+      key: "load_factor",
+      title: "load factor",
+      unit: "1",
+      note: "aerodynamic force over weight",
+      aside: true,
+      lines: simulated("load_factor", 0),
+    },
+    {
+      key: rate,
+      title: "normalised fall rate",
+      unit: "m/s",
+      note: "standard atmosphere at 2000 m",
+      aside: true,
+      lines: [{ label: "measured", ink: "measured", values: measured }, ...simulated(rate, 1)],
+    },
+  ];
+}
+
+/** The angles of each joint; hidden unless selected. */
+function joints(flight: Flight): PlotSpec[] {
+  const { angles } = flight.run;
+  const names = [...new Set(angles.map(({ name }) => name.split(".")[0]))];
+  return names.map((joint): PlotSpec => {
+    const own = angles.flatMap(({ name }, k) => (name.startsWith(`${joint}.`) ? [k] : []));
+    return {
+      key: `joint-${joint}`,
+      title: `${angles[own[0]].joint} (${joint})`,
+      unit: "rad",
+      aside: true,
+      lines: own.map((place, n) => ({
+        label: angles[place].name.split(".")[1],
+        ink: AXES[n],
+        dash: n ? [6, 3 * n] : undefined,
+        values: flight.list("joint_angles_rad")[place],
+      })),
+    };
+  });
 }
 
 /** Estimates of a flight with their bands, at the times of the first flight. */
@@ -271,10 +393,17 @@ function summary(flights: Flight[]): HTMLElement {
   const mean = (list: Float64Array) => list.reduce((sum, value) => sum + value, 0) / list.length;
   const most = (list: Float64Array) => list.reduce((high, value) => Math.max(high, Math.abs(value)), 0);
   row("length (s)", (flight) => (flight.end - flight.time[0]).toFixed(1));
-  row("fall rate, measured (m/s)", (flight) => (-mean(flight.list("measured")[6])).toFixed(1));
-  row("fall rate, simulated (m/s)", (flight) => (-mean(flight.list("simulated")[6])).toFixed(1));
-  row("fastest turn, measured (rad/s)", (flight) => most(flight.list("measured")[3]).toFixed(2));
-  for (const { key, label, unit } of CHANNELS)
-    row(`RMS ${label} (${unit})`, (flight) => written(flight.run.rms[key], 3));
+  const [speed, rate] = [display("m/s"), display("rad/s")];
+  for (const side of ["measured", "simulated"])
+    row(`fall rate, ${side} (${speed.unit})`, (flight) =>
+      written(-mean(flight.list(side)[6]) * speed.factor, speed.decimals),
+    );
+  row(`fastest turn, measured (${rate.unit})`, (flight) =>
+    written(most(flight.list("measured")[3]) * rate.factor, rate.decimals),
+  );
+  for (const { key, label, unit } of CHANNELS) {
+    const { unit: name, factor, decimals } = display(unit);
+    row(`RMS ${label} (${name})`, (flight) => written(flight.run.rms[key] * factor, decimals));
+  }
   return element("section", {}, element("h2", {}, "Summary"), table);
 }

@@ -1,6 +1,7 @@
 // Page structure shared by all modes.
 
 import { element } from "./dom";
+import { splitter } from "./splitter";
 import type { PageData } from "./types";
 
 export interface Shell {
@@ -15,7 +16,7 @@ export function shell(data: PageData): Shell {
   document.title = `${data.title || data.mode} - bodyflight`;
   const header = element("header", {}, element("h1", {}, data.title || data.mode));
   const parts = { header, main: element("main"), aside: element("aside"), footer: element("footer") };
-  app.replaceChildren(parts.header, parts.main, parts.aside, parts.footer);
+  app.replaceChildren(parts.header, parts.main, splitter(app), parts.aside, parts.footer);
   return parts;
 }
 

@@ -73,10 +73,15 @@ export class Stage {
         this.redraw();
       }),
     );
-    this.segments = toggle("segments", "The sixteen segments of the aerodynamic model (B)", false, (on) => {
-      this.drawer.showSegments = on;
-      this.redraw();
-    });
+    this.segments = toggle(
+      "segments",
+      "The sixteen segments of the aerodynamic model in place of the skin (B)",
+      false,
+      (on) => {
+        this.drawer.showSegments = on;
+        this.redraw();
+      },
+    );
     const names = other && [`A ${person.name}`, `B ${other.name} (outline)`];
     this.key = new Key(NEWTONS_PER_METRE, measured, names);
     place.append(this.key.place);
@@ -124,7 +129,7 @@ export class Stage {
     const begin = performance.now();
     this.drawer.draw(picture, this.view);
     this.cost = performance.now() - begin;
-    this.key.show(this.view, this.drawer.scale(this.view));
+    this.key.show(this.view, this.drawer.scale(this.view), picture.changed !== undefined);
   }
 
   redraw(): void {

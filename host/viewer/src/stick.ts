@@ -1,7 +1,7 @@
 // A stick figure on a 2D canvas, for browsers without WebGL.
 
 import { colour, element } from "./dom";
-import { type Picture, type Pose, rotated, type Vector, type View } from "./figure";
+import { type Picture, type Pose, rotated, type Segments, type Vector, type View } from "./figure";
 import type { Shape } from "./types";
 
 export class Sticks {
@@ -26,6 +26,7 @@ export class Sticks {
     this.canvas.width = box?.clientWidth ?? 640;
     this.canvas.height = box?.clientHeight ?? 360;
     if (picture.measured && this.showGhost) this.body(picture, picture.measured, view, colour("ghost"));
+    if (picture.changed) this.body(picture, picture.changed.pose, view, colour("second"));
     this.body(picture, picture.simulated, view, colour("on-suit"));
   }
 
@@ -44,7 +45,7 @@ export class Sticks {
     context.strokeStyle = ink;
     context.lineCap = "round";
     this.shapes.forEach((shape, k) => {
-      const { attitude, cg } = (pose === picture.measured && picture.other) || picture.segments;
+      const { attitude, cg } = postureOf(picture, pose);
       const half = rotated(attitude[k], [0, 0, shape.half_extents_m[2]]);
       const end = (sign: number): Vector => [
         cg[k][0] + sign * half[0],
@@ -58,4 +59,10 @@ export class Sticks {
       context.stroke();
     });
   }
+}
+
+/** The posture of the body with a pose. */
+function postureOf(picture: Picture, pose: Pose): Segments {
+  if (pose === picture.changed?.pose) return picture.changed.segments;
+  return (pose === picture.measured && picture.other) || picture.segments;
 }

@@ -1,8 +1,9 @@
 // Exports the selected plots as one SVG, in the displayed units.
-import { shown } from "./channels";
 import { colour } from "./dom";
 import type { Line, PlotSpec } from "./plots";
+import { part, STRIP } from "./strip";
 import { span, ticks, written } from "./ticks";
+import { shown } from "./units";
 
 const [WIDTH, EACH, LEFT, RIGHT] = [900, 150, 70, 840];
 const HEAD = 60;
@@ -20,7 +21,7 @@ function parts(line: Line, place: (row: number) => string): string[] {
 }
 
 function axis(low: number, high: number, y: (value: number) => string, right: boolean): string {
-  const { values, decimals } = ticks(low, high, 5);
+  const { values, decimals } = ticks(low, high, right ? 3 : 5);
   const [x, anchor] = right ? [RIGHT + 6, "start"] : [LEFT - 6, "end"];
   return values
     .map((value) => {
@@ -32,11 +33,12 @@ function axis(low: number, high: number, y: (value: number) => string, right: bo
     .join("");
 }
 
-function panel(spec: PlotSpec, row: number, time: ArrayLike<number>, degrees: boolean, last: boolean): string {
-  const { unit, factor, least } = shown(spec.unit, degrees);
+function panel(spec: PlotSpec, row: number, time: ArrayLike<number>, last: boolean): string {
+  const { unit, factor, least } = shown(spec.unit);
   const [top, bottom] = [HEAD + row * EACH + 20, HEAD + (row + 1) * EACH - 12];
   const [from, to] = [time[0], time[time.length - 1]];
   const x = (t: number) => (LEFT + ((t - from) / (to - from || 1)) * (RIGHT - LEFT)).toFixed(2);
+  const isDivided = spec.lines.some((line) => line.right);
   const drawn = [false, true].map((right) => {
     const lines = spec.lines.filter((line) => Boolean(line.right) === right);
     if (lines.length === 0) return "";
@@ -44,7 +46,11 @@ function panel(spec: PlotSpec, row: number, time: ArrayLike<number>, degrees: bo
       lines.map((line) => line.values),
       least / factor,
     );
-    const y = (value: number) => (bottom - ((value / factor - low) / (high - low)) * (bottom - top)).toFixed(2);
+    const [under, over] = part(isDivided, right);
+    const y = (value: number) => {
+      const share = under + ((value / factor - low) / (high - low)) * (over - under);
+      return (bottom - share * (bottom - top)).toFixed(2);
+    };
     const curves = lines.map((line) => {
       const dash = line.dash ? ` stroke-dasharray="${line.dash}"` : "";
       return parts(line, (k) => `${x(time[k])},${y(line.values[k] * factor)}`)
@@ -56,6 +62,8 @@ function panel(spec: PlotSpec, row: number, time: ArrayLike<number>, degrees: bo
     });
     return axis(low * factor, high * factor, y, right) + curves.join("");
   });
+  const divide = bottom - STRIP * (bottom - top);
+  if (isDivided) drawn.push(`<path d="M${LEFT} ${divide.toFixed(2)}H${RIGHT}" stroke="${colour("faint")}"/>`);
   const seconds = ticks(from, to, 8);
   const below = seconds.values
     .map((value) => {
@@ -77,7 +85,7 @@ function legend(specs: PlotSpec[]): string {
   return [...names.values()]
     .map((line) => {
       const dash = line.dash ? ` stroke-dasharray="${line.dash}"` : "";
-      const words = `${line.label}${line.right ? " (right)" : ""}`;
+      const words = `${line.label}${line.right ? " (below)" : ""}`;
       const made = `<path d="M${x} 40h24" stroke="${colour(line.ink)}" stroke-width="2"${dash}/><text x="${x + 30}" y="44">${clean(words)}</text>`;
       x += 46 + 7 * words.length;
       return made;
@@ -85,9 +93,9 @@ function legend(specs: PlotSpec[]): string {
     .join("");
 }
 
-export function svg(title: string, time: ArrayLike<number>, specs: PlotSpec[], degrees: boolean): string {
+export function svg(title: string, time: ArrayLike<number>, specs: PlotSpec[]): string {
   const height = HEAD + specs.length * EACH + 34;
-  const panels = specs.map((spec, row) => panel(spec, row, time, degrees, row === specs.length - 1));
+  const panels = specs.map((spec, row) => panel(spec, row, time, row === specs.length - 1));
   return (
     `<svg xmlns="http://www.w3.org/2000/svg" width="${WIDTH}" height="${height}" viewBox="0 0 ${WIDTH} ${height}" font-family="sans-serif" font-size="12">` +
     `<rect width="100%" height="100%" fill="${colour("back")}"/><g fill="${colour("text")}"><text x="${LEFT}" y="22" font-size="15">${clean(title)}</text>${legend(specs)}${panels.join("")}` +

@@ -1,5 +1,6 @@
 // Plots of the last seconds of a flight.
 
+import { asShown, sense } from "./channels";
 import { Plots } from "./plots";
 import { CHANNELS } from "./types";
 
@@ -19,6 +20,7 @@ export class Traces {
     const specs = SHOWN.map((k, n) => ({
       key: CHANNELS[k].key,
       title: CHANNELS[k].label,
+      note: sense(k),
       unit: CHANNELS[k].unit,
       lines: [{ label: "flown", ink: "simulated", values: this.lines[n] }],
     }));
@@ -35,7 +37,7 @@ export class Traces {
     if (time - this.drawn <= 1 / RATE && time >= this.drawn) return;
     this.drawn = time;
     push(this.time, time);
-    for (const [n, k] of SHOWN.entries()) push(this.lines[n], channels[k]);
+    for (const [n, k] of SHOWN.entries()) push(this.lines[n], asShown(k, channels[k]));
     this.plots.update();
     this.plots.mark(time);
   }

@@ -9,7 +9,6 @@ import {
   Line,
   LineBasicMaterial,
   Mesh,
-  MeshBasicMaterial,
   MeshLambertMaterial,
   PerspectiveCamera,
   Points,
@@ -21,7 +20,8 @@ import {
   WebGLRenderer,
 } from "three";
 import { colour, onRecolour } from "./dom";
-import type { Picture, Segments, Vector, View } from "./figure";
+import type { Picture, Pose, Segments, Vector, View } from "./figure";
+import { kind } from "./flesh";
 import { Ghost } from "./ghost";
 import { cloth, Person, Surface } from "./person";
 import { Place } from "./place";
@@ -45,14 +45,26 @@ function solid(half: Vector): BufferGeometry {
   return geometry;
 }
 
-/** The sixteen segments as the aerodynamic model represents them. */
+/** Segments drawn in the light tone, so that neighbours differ. */
+const LIGHT = ["abdomen", "head", "upperarm", "hand", "thigh", "foot"];
+
+/** The sixteen segments as the aerodynamic model represents them, in place of the skin. */
 class SegmentCage {
   readonly root = new Group();
   private readonly meshes: Mesh[];
+  private readonly tones = [new MeshLambertMaterial(), new MeshLambertMaterial()];
 
-  constructor(shapes: Shape[], material: MeshBasicMaterial) {
-    this.meshes = shapes.map((shape) => new Mesh(solid(shape.half_extents_m), material));
+  constructor(shapes: Shape[]) {
+    this.meshes = shapes.map((shape) => {
+      const tone = this.tones[LIGHT.includes(kind(shape.name)) ? 1 : 0];
+      return new Mesh(solid(shape.half_extents_m), tone);
+    });
     this.root.add(...this.meshes);
+    this.recolour();
+  }
+
+  recolour(): void {
+    for (const [k, tone] of this.tones.entries()) tone.color.set(colour(["segment", "segment-light"][k]));
   }
 
   show(segments: Segments): void {
@@ -74,12 +86,14 @@ export class World {
   private readonly ghost: Ghost;
   /** The surface of the ghost, if it is another person's. */
   private readonly other: Surface | null;
+  /** The body of a flight with changes, made when it is first drawn. */
+  private changed: Ghost | null = null;
+  private changedSurface: Surface | null = null;
   private readonly cage: SegmentCage;
-  private readonly cageMaterial = new MeshBasicMaterial({ wireframe: true, transparent: true, depthTest: false });
   private readonly place = new Place();
   private readonly dots: Points<BufferGeometry, PointsMaterial>;
   private readonly arrows: ArrowHelper[];
-  private readonly wind = new ArrowHelper(new Vector3(1, 0, 0), new Vector3(), 1, 0x2b7f3e, 0.25, 0.15);
+  private readonly wind = new ArrowHelper(new Vector3(1, 0, 0), new Vector3(), 1, colour("wind"), 0.25, 0.15);
   private readonly cg = new Mesh(
     new SphereGeometry(0.04, 12, 8),
     new MeshLambertMaterial({ color: 0xffffff, emissive: 0x333333, depthTest: false }),
@@ -103,7 +117,7 @@ export class World {
     this.body = new Person(this.surface, cloth(), true);
     this.other = other ? new Surface(other.shapes, other.worn) : null;
     this.ghost = new Ghost(this.other ?? this.surface);
-    this.cage = new SegmentCage(shapes, this.cageMaterial);
+    this.cage = new SegmentCage(shapes);
     this.cage.root.renderOrder = 3;
     this.body.root.add(this.cage.root);
     const places = new Float32Array((2 * CELLS + 1) ** 3 * 3);
@@ -116,7 +130,9 @@ export class World {
         }
     const cloud = new BufferGeometry().setAttribute("position", new BufferAttribute(places, 3));
     this.dots = new Points(cloud, new PointsMaterial({ size: 0.09, transparent: true, opacity: 0.5 }));
-    this.arrows = shapes.map(() => new ArrowHelper(new Vector3(0, 0, 1), new Vector3(), 0.1, 0xb3261e, 0.06, 0.04));
+    this.arrows = shapes.map(
+      () => new ArrowHelper(new Vector3(0, 0, 1), new Vector3(), 0.1, colour("force"), 0.06, 0.04),
+    );
     this.body.root.add(...this.arrows, this.cg);
     this.cg.renderOrder = 2;
     this.trail.frustumCulled = false;
@@ -141,8 +157,11 @@ export class World {
     this.place.recolour();
     this.surface.recolour();
     this.ghost.recolour();
-    this.cageMaterial.color.set(colour("text"));
+    this.cage.recolour();
+    this.changed?.recolour();
     this.dots.material.color.set(colour("dot"));
+    for (const arrow of this.arrows) arrow.setColor(colour("force"));
+    this.wind.setColor(colour("wind"));
     (this.trail.material as LineBasicMaterial).color.set(colour("simulated"));
   }
 
@@ -172,17 +191,33 @@ export class World {
     this.render(picture, view);
   }
 
+  /** Draws the outline of the flight with changes. */
+  private showChanged({ changed, simulated }: Picture, view: View): void {
+    if (changed && !this.changed) {
+      this.changedSurface = new Surface(this.surface.shapes, this.surface.worn);
+      this.changed = new Ghost(this.changedSurface, "second");
+      this.scene.add(this.changed.root);
+    }
+    if (this.changed) this.changed.root.visible = changed !== undefined;
+    if (!changed) return;
+    const pose: Pose = this.together ? { ...changed.pose, position: simulated.position } : changed.pose;
+    this.changedSurface?.pose(changed.segments);
+    this.changed?.show(pose, view.distance);
+  }
+
   private render(picture: Picture, view: View): void {
     const { simulated, measured, segments } = picture;
     this.surface.pose(segments);
     if (picture.other) this.other?.pose(picture.other);
     this.body.show(simulated);
     this.cage.root.visible = this.showSegments;
+    this.body.undress(this.showSegments);
     if (this.showSegments) this.cage.show(segments);
     this.ghost.root.visible = measured !== null && this.showGhost;
     if (measured) {
       this.ghost.show(this.together ? { ...measured, position: simulated.position } : measured, view.distance);
     }
+    this.showChanged(picture, view);
     this.cg.position.set(...picture.cg);
     this.arrows.forEach((arrow, k) => {
       const force = this.direction.set(...segments.force[k]);

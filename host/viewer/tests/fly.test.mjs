@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
-import { existsSync, readdirSync } from "node:fs";
+import { existsSync, mkdirSync, readdirSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { begin, browser, inked, NATIVE, open, run, scratch, shot } from "./browser.mjs";
@@ -397,4 +397,34 @@ test("another page cannot reach the server", async () => {
     url,
   );
   assert.ok(refused);
+});
+
+test("a page without a program saves a file of which the program makes a recording", async () => {
+  const file = join(folder, "fly.html");
+  await run("fly", "--out", file);
+  const { page, wrong } = await open(chromium, `file://${file}`);
+  await ready(page);
+  await page.keyboard.press("Space");
+  await page.click('button:text-is("record")');
+  await page.evaluate(() => {
+    window.bodyflight.core.exports.command(0, 1);
+    window.bodyflight.advance(480);
+  });
+  const [download] = await Promise.all([page.waitForEvent("download"), page.click('button:text-is("save")')]);
+  assert.match(await page.textContent("#message"), /bodyflight fly --from flight\.csv/);
+  const saved = join(folder, "flight.csv");
+  await download.saveAs(saved);
+  const flown = join(folder, "from");
+  mkdirSync(flown);
+  await run("fly", "--from", saved, "--save", flown);
+  const report = JSON.parse(await run("--json", "simulate", join(flown, "flown-0")));
+  assert.ok(report.rms.yaw_rate_radps < 1e-3 && report.frames > 400, JSON.stringify(report));
+  assert.ok(report.amplitude.yaw_rate_radps > 0.1, "it turned");
+  const subject = join(folder, "heavy.toml");
+  writeFileSync(subject, "height_m = 1.8\nmass_kg = 99\n");
+  const { code, err } = await begin("fly", subject, "--from", saved, "--save", flown).end;
+  assert.equal(code, 2, err);
+  assert.match(err, /whose mass is .* kg, found one of/);
+  assert.deepEqual(wrong, []);
+  await page.close();
 });

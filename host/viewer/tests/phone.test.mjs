@@ -7,6 +7,7 @@ const folder = scratch("phone");
 const PHONES = [
   { width: 390, height: 844 },
   { width: 360, height: 640 },
+  { width: 844, height: 390 },
 ];
 const touch = { hasTouch: true, isMobile: true };
 let chromium;
@@ -48,6 +49,12 @@ test("on a phone, tools, map and instruments do not overlap", async () => {
       assert.deepEqual(await clashes(page), [], `${mode}, ${viewport.width} px`);
       const wide = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth);
       assert.ok(!wide, `${mode} is wider than ${viewport.width} px`);
+      if (viewport.width > viewport.height) {
+        // On its side, the picture is as high as the page allows, and plots or keys are beside it.
+        const [main, aside] = await Promise.all(["main", "aside"].map((part) => page.locator(part).boundingBox()));
+        assert.ok(main.height > 0.75 * viewport.height && main.width > 0.5 * viewport.width, JSON.stringify(main));
+        assert.ok(aside.x >= main.x + main.width && aside.width > 0.35 * viewport.width, JSON.stringify(aside));
+      }
       await shot(page, `phone-${mode}-${viewport.width}`);
       assert.deepEqual(wrong, []);
       await page.close();

@@ -2,9 +2,8 @@
 
 use core::fmt::Write as _;
 
-use bodyflight_core::body::joint_angle::JointAngle;
+use bodyflight_core::Segment;
 use bodyflight_core::body::posture::pose;
-use bodyflight_core::{Posture, Segment};
 use bodyflight_io::diagnostic::Result;
 use bodyflight_replay::comparison::Channel;
 use nalgebra::Vector3;
@@ -85,12 +84,6 @@ pub(super) fn drawn(compared: &Compared) -> Vec<usize> {
     }
     drawn.truncate(JOINTS);
     drawn
-}
-
-/// An angle of a posture over time: that of the first posture, and how much further the joint is turned since, as psi and
-/// phi of arms that are held out jump.
-pub(super) fn turned(angle: JointAngle, first: &Posture<f64>, posture: &Posture<f64>) -> f64 {
-    angle.value(first) + angle.difference(first, posture)
 }
 
 /// Instants to draw, in A (s since frame 0): evenly over the time in which differences begin, or all of it.
@@ -263,7 +256,7 @@ fn angle_panel(a: &Track, compared: &Compared, k: usize) -> Panel {
         .map(|(at, _)| {
             (
                 at - origin,
-                turned(angle, &first, &a.posture(*at)).to_degrees(),
+                angle.since(&first, &a.posture(*at)).to_degrees(),
             )
         })
         .collect();

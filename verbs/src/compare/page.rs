@@ -11,7 +11,7 @@ use bodyflight_viewer::frame::frame;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
 
-use super::figure::{drawn, turned};
+use super::figure::drawn;
 use super::track::whole;
 use super::words::joint;
 use super::{Compared, Track};
@@ -161,7 +161,7 @@ fn series(
             .map(|angle| compared.differences.angles[*angle]);
         let own: Vec<f64> = all
             .clone()
-            .map(|angle| turned(angle, &first, &postures[0]))
+            .map(|angle| angle.since(&first, &postures[0]))
             .collect();
         let apart: Vec<f64> = (all.zip(&own))
             .map(|(angle, own)| own + angle.difference(&postures[0], &postures[1]))

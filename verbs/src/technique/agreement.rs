@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::linear::Linear;
 use bodyflight_core::body::joint_angle::JointAngle;
-use bodyflight_replay::joint_change::REACH;
+use bodyflight_core::body::joint_angle::REACH;
 
 /// Share by which the two may differ.
 pub const LIMIT: f64 = 0.1;

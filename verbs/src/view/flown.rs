@@ -6,11 +6,12 @@ use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::dynamics::{Dynamics, Inputs, State};
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::{Posture, Segment};
-use bodyflight_viewer::frame::{NUMBERS, SEGMENT_NUMBERS, place};
+use bodyflight_viewer::frame::{LAYOUT, NUMBERS, SEGMENT_NUMBERS, place};
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::{AtomicFolder, CsvFile, write_file};
+use bodyflight_io::input;
 use bodyflight_mvnx::recording::{FlightFrame, PelvisMotion};
 use bodyflight_mvnx::writer::{Description, Origin, Writer};
 use bodyflight_replay::input_history::InputRow;
@@ -29,6 +30,86 @@ pub struct FlownFrame {
     pub frame: FlightFrame,
     /// Muscle input and damping since the frame before.
     pub inputs: Inputs<f64>,
+}
+
+/// What the first line of a file of a page without a program begins with; density and mass follow.
+const FIRST: &str = "# bodyflight fly:";
+
+/// A flight that a page saved without a program.
+#[derive(Debug, Clone)]
+pub struct Saved {
+    /// Frames.
+    pub frames: Vec<FlownFrame>,
+    /// Density of the air (kg/m3).
+    pub density: f64,
+    /// Mass of the person with all equipment (kg).
+    pub mass: f64,
+}
+
+/// Reads the CSV file that a page of `fly --out` saves.
+///
+/// # Errors
+/// Returns an error if the file cannot be read or is not such a file, names the line of a number that is none, and as
+/// [`frames`].
+pub fn saved(path: &Path) -> Result<Saved> {
+    let text = input::text(path)?;
+    let wrong = |line: u64, message: String| {
+        let problem = Problem::bad_input(message).in_file(path).at_line(line);
+        problem.help("expected the CSV file that \"save\" writes in a page of bodyflight fly --out")
+    };
+    let mut lines = text.lines().zip(1u64..);
+    let mut next = || lines.next().map_or("", |(line, _)| line);
+    let (first, head) = (next(), next());
+    let given = |name: &str| {
+        let (_, rest) = first.strip_prefix(FIRST)?.split_once(name)?;
+        let number = rest.trim_start_matches('=').split(',').next()?;
+        number
+            .trim()
+            .parse::<f64>()
+            .ok()
+            .filter(|number| *number > 0.0)
+    };
+    let (Some(density), Some(mass)) = (given("density_kgpm3"), given("mass_kg")) else {
+        let message = format!("expected a first line \"{FIRST} density_kgpm3=..., mass_kg=...\"");
+        return Err(wrong(1, message));
+    };
+    let names: Vec<&str> = head.split(',').collect();
+    if names.len() != NUMBERS || names != columns() {
+        let message = format!(
+            "expected the {NUMBERS} columns of a frame, found {}",
+            names.len()
+        );
+        return Err(wrong(2, message));
+    }
+    let mut bytes = Vec::new();
+    for (line, number) in lines {
+        let numbers = line.split(',').map(str::parse::<f32>);
+        let numbers: Vec<f32> = numbers
+            .collect::<std::result::Result<_, _>>()
+            .map_err(|_| wrong(number, format!("expected numbers, found \"{:.60}\"", line)))?;
+        if numbers.len() != NUMBERS {
+            let message = format!("expected {NUMBERS} numbers, found {}", numbers.len());
+            return Err(wrong(number, message));
+        }
+        bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+    }
+    let frames = frames(&bytes).map_err(|problem| problem.in_file(path))?;
+    Ok(Saved {
+        frames,
+        density,
+        mass,
+    })
+}
+
+/// Names of the columns of a frame, as the page writes them.
+fn columns() -> Vec<String> {
+    let names = LAYOUT.iter().flat_map(|(name, count)| {
+        (0..*count).map(move |k| match count {
+            1 => (*name).to_owned(),
+            _ => format!("{name}_{k}"),
+        })
+    });
+    names.collect()
 }
 
 /// Decodes frames from the page: numbers in single precision, little-endian.
@@ -192,5 +273,31 @@ mod tests {
         let mut bytes = vec![0; 4 * NUMBERS * 30];
         bytes[..4].copy_from_slice(&f32::NAN.to_le_bytes());
         assert!(frames(&bytes).is_err());
+    }
+
+    #[test]
+    fn files_that_no_page_saved_are_refused_with_their_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("flight.csv");
+        let first = format!("{FIRST} density_kgpm3=1, mass_kg=85\n");
+        let head = format!("{}\n", columns().join(","));
+        let row = format!("{}\n", vec!["0"; NUMBERS].join(","));
+        for (text, line, part) in [
+            ("time_s,roll\n0,1\n".to_owned(), Some(1), "density_kgpm3"),
+            (first.replace("85", "-85"), Some(1), "mass_kg"),
+            (first.clone() + "time_s,roll\n", Some(2), "found 2"),
+            (first.clone() + &head + &row + "1,2\n", Some(4), "found 2"),
+            (
+                first.clone() + &head + &row + &row.replace('0', "x"),
+                Some(4),
+                "numbers",
+            ),
+            (first.clone() + &head + &row, None, "at least 24 frames"),
+        ] {
+            std::fs::write(&path, text).unwrap();
+            let problem = saved(&path).unwrap_err();
+            assert!(problem.to_string().contains(part), "{problem}");
+            assert_eq!(problem.line, line, "{problem}");
+        }
     }
 }

@@ -27,7 +27,7 @@ const PAGE: &str = include_str!("../../data/viewer.html");
 const MARK: &str = "<script type=\"application/json\" id=\"bodyflight-data\">null</script>";
 
 /// Version of the data; a page refuses versions that it does not know.
-pub const SCHEMA: u32 = 3;
+pub const SCHEMA: u32 = 4;
 
 /// Kind of page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -119,6 +119,10 @@ impl Provenance {
 pub struct FlyData {
     /// The model, see [`bodyflight_viewer::setup`].
     pub setup: Vec<f32>,
+    /// Density of the air (kg/m3).
+    pub density_kgpm3: f64,
+    /// Mass of the person with all equipment (kg).
+    pub mass_kg: f64,
     /// How segments are drawn.
     pub shapes: Vec<Shape>,
     /// What the skydiver wears.
@@ -135,6 +139,28 @@ pub struct FlyData {
     pub layout: Vec<(&'static str, usize)>,
     /// Parts of a segment, with the count of numbers in each.
     pub segment_layout: Vec<(&'static str, usize)>,
+}
+
+/// A mark in time with a note, which the reader of a page makes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub struct Note {
+    /// Time of the flight (s).
+    pub time_s: f64,
+    /// What the reader wrote.
+    pub text: String,
+}
+
+/// A video beside the body, which the reader of a page chooses.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub struct Video {
+    /// Name of the file.
+    pub name: String,
+    /// Time of the flight at the first picture of the video (s).
+    pub begins_s: f64,
+    /// The file as base64, if the reader embedded it.
+    pub content: Option<String>,
 }
 
 /// All data of a page.
@@ -158,6 +184,10 @@ pub struct PageData {
     pub fly: Option<FlyData>,
     /// Two flights beside each other.
     pub beside: Option<Beside>,
+    /// Marks and notes; a page as written has none, one that its reader saves has the reader's.
+    pub notes: Vec<Note>,
+    /// The video that the reader chose.
+    pub video: Option<Video>,
 }
 
 /// The model of a subject for the page, in still air of constant density (kg/m3): that of a flight whose `flight.toml`
@@ -168,12 +198,9 @@ pub fn setup(subject: &Subject, density: f64) -> Setup {
         density: DensityChoice::Constant(density),
         ..Flight::bare(Path::new(""))
     };
-    #[expect(clippy::cast_possible_truncation, reason = "the page's precision")]
-    let single = density as f32;
     Setup {
         dynamics: flight.dynamics(0.0).cast(),
         inputs: flight.constant_inputs().cast(),
-        density: single,
     }
 }
 
@@ -182,6 +209,8 @@ impl FlyData {
     pub fn new(subject: &Subject, density: f64) -> Self {
         Self {
             setup: setup(subject, density).numbers().to_vec(),
+            density_kgpm3: density,
+            mass_kg: subject.body().mass(),
             shapes: shapes(subject),
             worn: Worn::of(subject),
             starts: STARTS.iter().map(|start| start.name).collect(),
@@ -215,6 +244,8 @@ impl PageData {
             discovery: None,
             fly: None,
             beside: None,
+            notes: Vec::new(),
+            video: None,
         }
     }
 

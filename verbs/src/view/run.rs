@@ -1,13 +1,18 @@
 //! A recording and its simulation, with all data that the page shows.
 
+use bodyflight_core::Posture;
 use bodyflight_core::body::SEGMENT_COUNT;
+use bodyflight_core::body::joint_angle::JointAngle;
 use bodyflight_core::dynamics::Dynamics;
-use bodyflight_viewer::frame::{SEGMENT_NUMBERS, frame, place};
+use bodyflight_core::effect::Model;
+use bodyflight_viewer::frame::{SEGMENT_NUMBERS, frame, normalised, place};
 use serde::Serialize;
 
 use super::estimated::Estimated;
+use super::full_rate::{Collected, FullRate};
 use super::series::{Packed, RATE, Series};
 use super::shape::{Shape, Worn, shapes};
+use crate::compare::words::joint;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::interrupt;
 use bodyflight_mvnx::recording::Options;
@@ -20,7 +25,7 @@ use bodyflight_replay::steps::{Replay, Step};
 ///
 /// Axes and units as in [`bodyflight_viewer::frame::LAYOUT`]; `measured` and `simulated` are the channels in the
 /// order of [`Channel::ALL`].
-const COLUMNS: [(&str, usize, f64); 12] = [
+const COLUMNS: [(&str, usize, f64); 15] = [
     ("time_s", 1, 1e-4),
     ("simulated_position_m", 3, 1e-2),
     ("simulated_attitude", 4, 2e-4),
@@ -33,7 +38,25 @@ const COLUMNS: [(&str, usize, f64); 12] = [
     ("segment_attitude", 4 * SEGMENT_COUNT, 5e-4),
     ("segment_cg_m", 3 * SEGMENT_COUNT, 2e-3),
     ("segment_force_n", 3 * SEGMENT_COUNT, 0.5),
+    ("load_factor", 1, 1e-3),
+    // Measured, simulated.
+    ("normalised_fall_rate_mps", 2, 1e-2),
+    // In the order of `JointAngle::all`.
+    ("joint_angles_rad", JOINT_ANGLES, 1e-3),
 ];
+
+/// Number of joint angles.
+const JOINT_ANGLES: usize = 3 * (SEGMENT_COUNT - 1);
+
+/// Name of a joint angle.
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub struct AngleName {
+    /// As for `simulate --joint`, such as `l_shank.bend`.
+    pub name: String,
+    /// What a coach calls the joint.
+    pub joint: &'static str,
+}
 
 /// A run as the page shows it.
 #[derive(Debug, Clone, Serialize)]
@@ -57,6 +80,10 @@ pub struct Run {
     pub air_velocity_mps: [f64; 3],
     /// The data over time.
     pub series: Packed,
+    /// Names of the joint angles.
+    pub angles: Vec<AngleName>,
+    /// The data at the rate of the recording, unless left out.
+    pub full_rate: Option<FullRate>,
     /// Estimated inputs, if requested.
     pub estimated: Option<Estimated>,
     /// Why the recording should not be trusted.
@@ -73,7 +100,7 @@ pub struct Flown {
     pub doubt: Option<String>,
 }
 
-/// Simulates a recording for the page.
+/// Simulates a recording for the page, with or without the data at the rate of the recording.
 ///
 /// # Errors
 /// Same as [`crate::simulate::simulate`].
@@ -81,13 +108,24 @@ pub fn fly(
     name: &str,
     flight: &Flight,
     options: Options,
+    is_full: bool,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Run> {
+    let mut full = None;
     let Flown {
         series,
         comparison,
         doubt,
-    } = fly_series(flight, options, progress)?;
+    } = fly_with(
+        flight,
+        options,
+        progress,
+        &mut |model, step| match &mut full {
+            None if is_full => full = Some(Collected::new(flight, model, step)),
+            None => {}
+            Some(full) => full.push(flight, step),
+        },
+    )?;
     let air = flight
         .effects
         .applied(flight.dynamics(0.0), 0.0)?
@@ -102,9 +140,18 @@ pub fn fly(
         frames: comparison.count(),
         air_velocity_mps: air.velocity.to_array(),
         series: series.packed(),
+        angles: JointAngle::all().map(angle_name).collect(),
+        full_rate: full.map(Collected::finished),
         estimated: None,
         doubt,
     })
+}
+
+fn angle_name(angle: JointAngle) -> AngleName {
+    AngleName {
+        name: angle.to_string(),
+        joint: joint(angle.segment),
+    }
 }
 
 /// Simulates a recording.
@@ -116,21 +163,34 @@ pub fn fly_series(
     options: Options,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Flown> {
+    fly_with(flight, options, progress, &mut |_, _| {})
+}
+
+/// Simulates a recording; `each` is called with the model and every step, the start included.
+fn fly_with(
+    flight: &Flight,
+    options: Options,
+    progress: &mut dyn FnMut(f64),
+    each: &mut dyn FnMut(&Model<f64>, &Step),
+) -> Result<Flown> {
     let mut replay = Replay::open(flight, options, Precision::Double)?;
-    let dynamics = replay.model().dynamics;
+    let model = *replay.model();
+    let dynamics = model.dynamics;
     let mut series = Series::new(&COLUMNS);
     let mut comparison = Comparison::default();
     let start = *replay.start();
-    series.push(row(&dynamics, &start));
+    series.push(row(&dynamics, &start, &start.posture));
+    each(&model, &start);
     let mut due = start.time + 1.0 / RATE;
     let mut steps = replay.by_ref().peekable();
     while let Some(step) = steps.next() {
         let step = step?;
         comparison.push(step.pair);
+        each(&model, &step);
         // Some slack, since the rates need not divide evenly.
         if step.time >= due - 1e-3 || steps.peek().is_none() {
             due = (due + 1.0 / RATE).max(step.time);
-            series.push(row(&dynamics, &step));
+            series.push(row(&dynamics, &step, &start.posture));
             progress(step.time);
             interrupt::check()?;
         }
@@ -142,8 +202,8 @@ pub fn fly_series(
     })
 }
 
-/// A row of [`COLUMNS`].
-fn row(dynamics: &Dynamics<f64>, step: &Step) -> Vec<f64> {
+/// A row of [`COLUMNS`]; joint angles continue from the `first` posture.
+fn row(dynamics: &Dynamics<f64>, step: &Step, first: &Posture<f64>) -> Vec<f64> {
     let (inputs, measured) = (&step.inputs, &step.measured);
     let frame = frame(dynamics, inputs, &step.posture, &step.simulated, step.time);
     let part = |name: &str, count: usize| part(&frame, name, count);
@@ -161,6 +221,10 @@ fn row(dynamics: &Dynamics<f64>, step: &Step) -> Vec<f64> {
         .chain(inputs.damping.to_array())
         .chain(part("cg_m", 3))
         .chain(of_segments(&frame))
+        .chain(part("load_factor", 1))
+        .chain([normalised(dynamics, measured, &step.pair.measured)])
+        .chain(part("normalised_fall_rate_mps", 1))
+        .chain(JointAngle::all().map(|angle| angle.since(first, &step.posture)))
         .collect()
 }
 

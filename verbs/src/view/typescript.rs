@@ -7,9 +7,10 @@ use ts_rs::{Config, TS};
 
 use super::avatar::AvatarState;
 use super::estimated::Estimated;
+use super::full_rate::{FullRate, ModelNumbers};
 use super::live::{Look, Received};
-use super::page::{FlyData, Input, Mode, PageData, Provenance, SCHEMA};
-use super::run::Run;
+use super::page::{FlyData, Input, Mode, Note, PageData, Provenance, SCHEMA, Video};
+use super::run::{AngleName, Run};
 use super::series::{Column, Packed};
 use super::shape::{Shape, Worn};
 use crate::compare::page::{Angle, Beside, Person};
@@ -48,6 +49,9 @@ fn types() -> String {
     declare::<Column>(&mut text, &config);
     declare::<Packed>(&mut text, &config);
     declare::<Estimated>(&mut text, &config);
+    declare::<ModelNumbers>(&mut text, &config);
+    declare::<FullRate>(&mut text, &config);
+    declare::<AngleName>(&mut text, &config);
     declare::<Run>(&mut text, &config);
     declare::<FlyData>(&mut text, &config);
     declare::<Mode>(&mut text, &config);
@@ -56,6 +60,8 @@ fn types() -> String {
     declare::<Person>(&mut text, &config);
     declare::<Angle>(&mut text, &config);
     declare::<Beside>(&mut text, &config);
+    declare::<Note>(&mut text, &config);
+    declare::<Video>(&mut text, &config);
     declare::<PageData>(&mut text, &config);
     declare::<LiveEstimate>(&mut text, &config);
     declare::<Live>(&mut text, &config);

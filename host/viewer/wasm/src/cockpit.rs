@@ -416,7 +416,6 @@ pub(crate) mod tests {
         Setup {
             dynamics,
             inputs: Inputs::belly_turn(),
-            density: 1.0,
         }
     }
 

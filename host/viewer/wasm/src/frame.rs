@@ -1,5 +1,6 @@
 //! A frame as a list of numbers in single precision.
 
+use bodyflight_core::air::{REFERENCE_HEIGHT, normalised_fall_rate, standard_density};
 use bodyflight_core::body::SEGMENT_COUNT;
 use bodyflight_core::body::posture::pose;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
@@ -12,7 +13,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 /// Parts of a frame and their lengths, in order.
 ///
 /// Inertial axes are north, west, up; quaternions are w, x, y, z.
-pub const LAYOUT: [(&str, usize); 12] = [
+pub const LAYOUT: [(&str, usize); 14] = [
     ("time_s", 1),
     ("position_m", 3),
     ("inertial_from_body", 4),
@@ -27,6 +28,10 @@ pub const LAYOUT: [(&str, usize); 12] = [
     ("damping", 3),
     // Total aerodynamic force (N), inertial axes.
     ("air_force_n", 3),
+    // That force over the weight.
+    ("load_factor", 1),
+    // Fall rate normalised to the standard atmosphere at the reference height.
+    ("normalised_fall_rate_mps", 1),
     ("segments", SEGMENT_COUNT * SEGMENT_NUMBERS),
 ];
 
@@ -137,6 +142,10 @@ pub fn frame<T: Real>(
     pen.write(inputs.muscle.to_array());
     pen.write(inputs.damping.to_array());
     pen.vector(motion.inertial_from_body * force);
+    pen.write([
+        dynamics.load_factor(&force),
+        normalised(dynamics, motion, &observation),
+    ]);
     for segment in Segment::ALL {
         pen.rotation(posture.parent_from_segment(segment));
         pen.rotation(&turned[segment]);
@@ -144,6 +153,17 @@ pub fn frame<T: Real>(
         pen.write(loads[segment].force.iter().copied());
     }
     frame
+}
+
+/// Returns the fall rate normalised to the standard atmosphere at [`REFERENCE_HEIGHT`] (m/s).
+pub fn normalised<T: Real>(
+    dynamics: &Dynamics<T>,
+    motion: &Motion<T>,
+    observation: &Observation<T>,
+) -> T {
+    let density = dynamics.air.density.at(motion.position.up());
+    let reference = standard_density(T::of(REFERENCE_HEIGHT));
+    normalised_fall_rate(-observation.vertical_velocity, density, reference)
 }
 
 /// Returns the half extents (m) along X, Y, Z of a rounded solid with the silhouettes of a segment, which the
@@ -181,6 +201,18 @@ mod tests {
         assert!(
             (lift / (mass * 9.81) - 1.0).abs() < 0.5,
             "{lift} for {mass}"
+        );
+        let [north, west, up] = [0, 1, 2].map(|k| part("air_force_n", 3)[k] / (mass * 9.81));
+        let factor = part("load_factor", 1)[0];
+        assert!(
+            (factor - north.hypot(west).hypot(up)).abs() < 1e-4,
+            "{factor}"
+        );
+        // Air of 1 kg/m3 is almost that of the reference height, 1.007 kg/m3.
+        let rate = part("normalised_fall_rate_mps", 1)[0];
+        assert!(
+            (rate / -part("velocity_mps", 3)[2] - 0.9967).abs() < 1e-3,
+            "{rate}"
         );
         assert!(place("segments").unwrap() + SEGMENT_COUNT * SEGMENT_NUMBERS == NUMBERS);
         assert!(place("nothing").is_none());

@@ -1,5 +1,5 @@
-//! The core for the viewer's page: frames and models as lists of numbers, and flying by keyboard. The host uses the
-//! first two natively, so replays and flights in the page agree.
+//! The core for the viewer's page: frames and models as lists of numbers, flying by keyboard, and recorded flights with
+//! changes. The host uses the first two natively, so replays and flights in the page agree.
 //!
 //! Everything except `page`, the functions that the page calls, is safe code and tested natively.
 #![cfg_attr(target_arch = "wasm32", no_std)]
@@ -10,6 +10,7 @@ pub mod frame;
 #[cfg(target_arch = "wasm32")]
 mod page;
 pub mod setup;
+pub mod what_if;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

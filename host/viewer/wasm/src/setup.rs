@@ -1,12 +1,13 @@
-//! A model as a list of numbers in single precision, for the page.
+//! A model as a list of numbers, for the page.
 
-use bodyflight_core::AxisCoefficients;
 use bodyflight_core::aerodynamics::load_model::LoadModel;
 use bodyflight_core::aerodynamics::{Aerodynamics, ArchFactor, Coefficients};
+use bodyflight_core::air::Density;
 use bodyflight_core::body::{Body, SEGMENT_COUNT, SegmentParameters};
 use bodyflight_core::dynamics::muscle_input::{MODELS, MuscleForces};
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::frame::Vector;
+use bodyflight_core::{AxisCoefficients, Real};
 use bodyflight_core::{Segment, body::SegmentArray};
 use nalgebra::{Matrix3, Vector3};
 
@@ -15,38 +16,49 @@ use nalgebra::{Matrix3, Vector3};
 const SEGMENT: usize = 2 + 3 + 3 + 9 + 3 + 1 + 3;
 
 /// Numbers before the segments: height (m), density (kg/m3), arch factor (0: from the posture), index of the limb
-/// groups, velocity of the air (m/s), damping, load model (0: the paper's), muscle forces (0: moments alone).
-const HEAD: usize = 4 + 3 + 3 + 1 + 1;
+/// groups, velocity of the air (m/s), damping, load model (0: the paper's), muscle forces (0: moments alone), standard
+/// atmosphere (0: the constant density), and the altitude of the origin in it (m).
+const HEAD: usize = 4 + 3 + 3 + 1 + 1 + 2;
 
 /// Numbers per model.
 pub const NUMBERS: usize = HEAD + SEGMENT_COUNT * SEGMENT;
 
-/// A model with constant density and without effects on the airflow.
+/// A model and its constant inputs. Numbers represent a model with constant density or the standard atmosphere, and
+/// without effects on the airflow.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Setup {
+pub struct Setup<T: Real = f32> {
     /// The model.
-    pub dynamics: Dynamics<f32>,
+    pub dynamics: Dynamics<T>,
     /// The subject's damping.
-    pub inputs: Inputs<f32>,
-    /// Density (kg/m3).
-    pub density: f32,
+    pub inputs: Inputs<T>,
 }
 
-impl Setup {
-    /// Converts the model to numbers.
-    pub fn numbers(&self) -> [f32; NUMBERS] {
+impl<T: Real> Setup<T> {
+    /// Converts the model to numbers. What they cannot represent is lost, and [`Setup::from_numbers`] then returns another
+    /// model.
+    pub fn numbers(&self) -> [T; NUMBERS] {
         let dynamics = &self.dynamics;
         let arch = match dynamics.aerodynamics.arch {
             ArchFactor::Fixed(factor) => factor,
-            ArchFactor::FromPosture | ArchFactor::Scaled(_) => 0.0,
+            ArchFactor::FromPosture | ArchFactor::Scaled(_) => T::zero(),
         };
         let muscles = MODELS
             .iter()
             .zip(0u8..)
             .find(|((name, _), _)| *name == dynamics.muscles.name())
             .map_or(0, |(_, index)| index);
-        let flag = |on: bool| f32::from(u8::from(on));
-        let head = [dynamics.body.height, self.density, arch, f32::from(muscles)];
+        let flag = |on: bool| T::of(f64::from(u8::from(on)));
+        let (density, origin) = match dynamics.air.density {
+            Density::Constant(density) => (density, None),
+            Density::StandardAtmosphere { origin_altitude } => (T::zero(), Some(origin_altitude)),
+            Density::Linear { density, .. } => (density, None),
+        };
+        let head = [
+            dynamics.body.height,
+            density,
+            arch,
+            T::of(f64::from(muscles)),
+        ];
         let air = dynamics.air.velocity.to_array();
         let mut numbers = head
             .into_iter()
@@ -55,12 +67,14 @@ impl Setup {
             .chain([
                 flag(dynamics.aerodynamics.model == LoadModel::FreeFly),
                 flag(dynamics.muscles.forces == MuscleForces::Paper),
+                flag(origin.is_some()),
+                origin.unwrap_or_else(T::zero),
             ]);
-        let mut all = [0.0; NUMBERS];
+        let mut all = [T::zero(); NUMBERS];
         let (first, rest) = all.split_at_mut(HEAD);
         first
             .iter_mut()
-            .for_each(|n| *n = numbers.next().unwrap_or(0.0));
+            .for_each(|n| *n = numbers.next().unwrap_or_else(T::zero));
         for (row, segment) in rest.chunks_exact_mut(SEGMENT).zip(Segment::ALL) {
             let p = &dynamics.body.segments[segment];
             let c = &dynamics.aerodynamics.coefficients[segment];
@@ -77,13 +91,13 @@ impl Setup {
     }
 
     /// Creates a model from numbers.
-    pub fn from_numbers(numbers: &[f32; NUMBERS]) -> Self {
+    pub fn from_numbers(numbers: &[T; NUMBERS]) -> Self {
         let (head, rows) = numbers.split_at(HEAD);
-        let at = |k: usize| head.get(k).copied().unwrap_or(0.0);
+        let at = |k: usize| head.get(k).copied().unwrap_or_else(T::zero);
         let (height, density, arch) = (at(0), at(1), at(2));
         let row = |segment: Segment| {
             let from = segment as usize * SEGMENT;
-            move |k: usize| rows.get(from + k).copied().unwrap_or(0.0)
+            move |k: usize| rows.get(from + k).copied().unwrap_or_else(T::zero)
         };
         let segments = SegmentArray::from_fn(|segment| {
             let at = row(segment);
@@ -106,7 +120,7 @@ impl Setup {
                 moment: at(23),
             }
         });
-        let arch = if arch > 0.0 {
+        let arch = if arch > T::zero() {
             ArchFactor::Fixed(arch)
         } else {
             ArchFactor::FromPosture
@@ -114,10 +128,10 @@ impl Setup {
         let named = MODELS.iter().zip(0u8..);
         let muscles = named
             .into_iter()
-            .find(|(_, index)| f32::from(*index) >= at(3))
+            .find(|(_, index)| T::of(f64::from(*index)) >= at(3))
             .map_or(MODELS[0].1, |((_, model), _)| *model);
         let mut dynamics = Dynamics::paper(Body { segments, height }, density);
-        let model = if at(10) > 0.0 {
+        let model = if at(10) > T::zero() {
             LoadModel::FreeFly
         } else {
             LoadModel::Paper
@@ -127,19 +141,20 @@ impl Setup {
             arch,
             model,
         };
-        dynamics.muscles = muscles.with_forces(if at(11) > 0.0 {
+        dynamics.muscles = muscles.with_forces(if at(11) > T::zero() {
             MuscleForces::Paper
         } else {
             MuscleForces::Moment
         });
+        if at(12) > T::zero() {
+            dynamics.air.density = Density::StandardAtmosphere {
+                origin_altitude: at(13),
+            };
+        }
         dynamics.air.velocity = Vector::new(at(4), at(5), at(6));
         let mut inputs = Inputs::belly_turn();
         inputs.damping = AxisCoefficients::new(at(7), at(8), at(9));
-        Self {
-            dynamics,
-            inputs,
-            density,
-        }
+        Self { dynamics, inputs }
     }
 }
 
@@ -154,6 +169,10 @@ mod tests {
             for forces in [MuscleForces::Moment, MuscleForces::Paper] {
                 let mut setup = setup();
                 setup.dynamics.muscles = muscles.with_forces(forces);
+                assert_eq!(Setup::from_numbers(&setup.numbers()), setup);
+                setup.dynamics.air.density = Density::StandardAtmosphere {
+                    origin_altitude: 3700.0,
+                };
                 assert_eq!(Setup::from_numbers(&setup.numbers()), setup);
             }
         }
