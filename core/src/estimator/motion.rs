@@ -23,6 +23,7 @@ pub mod estimate;
 mod filter;
 mod fusion;
 mod held;
+mod lasting;
 pub mod measurement;
 mod pace;
 pub mod posture_error;
@@ -39,6 +40,7 @@ pub mod state;
 pub mod support;
 pub mod trail;
 pub mod transition;
+mod turned_back;
 pub mod update;
 pub mod watch;
 
