@@ -15,6 +15,7 @@
 pub mod activity;
 pub mod airflow;
 mod assumed;
+mod calm;
 mod climb;
 pub mod constants;
 pub mod covariance;

@@ -108,7 +108,8 @@ impl Wire for EstimateFlags {
 
 impl Wire for SensorParts {
     const SIZE: usize = 1;
-    const KIND: &'static str = "u8: bit 0 specific force, 1 receiver, 2 pressure, 3 north found, 4 levelled";
+    const KIND: &'static str =
+        "u8: bit 0 specific force, 1 receiver, 2 pressure, 3 north found, 4 levelled";
     fn put(self, writer: &mut Writer<'_>) -> Option<()> {
         self.bits().put(writer)
     }

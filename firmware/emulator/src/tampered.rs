@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use bodyflight_core::estimator::motion::state::{ATTITUDE, MUSCLE, STATES, VELOCITY};
 use bodyflight_core::link::{
-    Estimate, Header, Hello, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, Setup,
+    Estimate, Header, Hello, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample,
 };
 use bodyflight_core::ubx::{self, NavPvt};
 use bodyflight_core::xbus::{
@@ -176,48 +176,54 @@ impl Judged {
                 .zip(deviation)
                 .map(move |(error, deviation)| (error.abs() / deviation, name))
         })
-        .fold((0.0, ""), |worst, new| {
-            if new.0 > worst.0 { new } else { worst }
-        })
+        .fold(
+            (0.0, ""),
+            |worst, new| {
+                if new.0 > worst.0 { new } else { worst }
+            },
+        )
     }
 }
 
 /// Flies the unit's application with a flight's configuration and what was `sent`.
+///
+/// # Panics
+/// Panics if the unit does not accept the configuration, or if an estimate is not finite.
 pub fn fly(sensed: &Sensed, sent: &[Sent]) -> Vec<Judged> {
-    fly_with(&sensed.setup, sensed, sent)
-}
-
-/// The same with another configuration.
-pub fn fly_with(setup: &Setup, sensed: &Sensed, sent: &[Sent]) -> Vec<Judged> {
     let bench = Bench {
         now: Cell::new(0),
         estimate: RefCell::new(None),
     };
     let mut unit = Unit::new(bench, Identity::default());
-    assert!(unit.resume(setup), "a usable configuration");
+    assert!(unit.resume(&sensed.setup), "a usable configuration");
     let mut frame = [0; MAX_FRAME_LENGTH];
-    let mut send = |unit: &mut Unit<Bench>, message: Message| {
+    let mut send = |unit: &mut Unit<Bench>, message: Option<Message>| {
         let header = Header {
             session: 0,
             sequence: 0,
             time: 0,
         };
-        let length = message.encode(&header, &mut frame).unwrap();
-        unit.receive(&frame[..length]);
+        if let Some(message) = message {
+            let length = message.encode(&header, &mut frame).unwrap_or(0);
+            unit.receive(frame.get(..length).unwrap_or_default());
+        }
         while unit.transmit(&mut frame).is_some() {}
     };
     let hello = Hello {
         schema_hash: SCHEMA_HASH,
         max_frame_length: u16::MAX,
     };
-    send(&mut unit, hello.into());
+    send(&mut unit, Some(hello.into()));
     let mut found = Vec::new();
     let first = sent.first().map_or(0.0, |sent| sent.arrives);
     for sent in sent {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a time after the first"
+        )]
         unit.board().now.set(((sent.arrives - first) * 1e6) as u64);
-        if let Some(posture) = &sent.posture {
-            send(&mut unit, (*posture).into());
-        }
+        send(&mut unit, sent.posture.map(Message::from));
         if sent.is_silent {
             continue;
         }
@@ -225,35 +231,18 @@ pub fn fly_with(setup: &Setup, sensed: &Sensed, sent: &[Sent]) -> Vec<Judged> {
             unit.receive_sensor(&[byte]);
         }
         while unit.work() {}
-        while unit.transmit(&mut frame_of()).is_some() {}
         let estimate = unit.board().estimate.borrow_mut().take();
         let deviation = unit.computer().deviation();
-        if let Ok(at) = std::env::var("DEBUG_AT") {
-            for at in at.split(',') {
-                let at: f64 = at.parse().unwrap();
-                if estimate.is_some() && (sent.time - at).abs() < 0.017 {
-                    let e = estimate.unwrap().1;
-                    println!("t {:.3} flags {:?} v {:?}", sent.time, e.flags, e.velocity);
-                    let text = format!("{:?}", unit.computer());
-                    let from = text.find("watch: Watch").unwrap();
-                    let watch = &text[from..from + text[from..].find("repeats:").unwrap()];
-                    for (k, part) in watch.split("ChannelWatch {").skip(1).enumerate() {
-                        let short: Vec<_> = part.split(", ").filter(|p| ["mean_square", " mean_square", "correlation", "rejected", "clean:", "residual", "unseen", "suspect", "followed"].iter().any(|n| p.trim().starts_with(n))).collect();
-                        let num = |name: &str| short.iter().find(|p| p.trim().starts_with(name)).map_or(0.0, |p| p.split(": ").nth(1).unwrap().parse::<f32>().unwrap());
-                        if num("mean_square") > 2.0 || num("rejected") > 0.05 || num("correlation") > 0.4 || k == 16 { println!("   {k} {}", short.join(" ")); }
-                    }
-                }
-            }
-        }
         if let (Some((_, estimate)), Some(deviation)) = (estimate, deviation) {
             found.extend(judged(sensed, sent.time, &estimate, &deviation));
         }
     }
+    assert_eq!(
+        unit.status().estimates_bad,
+        0,
+        "estimates that are not finite"
+    );
     found
-}
-
-fn frame_of() -> [u8; MAX_FRAME_LENGTH] {
-    [0; MAX_FRAME_LENGTH]
 }
 
 fn judged(

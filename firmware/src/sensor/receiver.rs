@@ -106,6 +106,10 @@ mod tests {
         let heard = [falling; 4].map(|velocity| receiver.measures(&velocity, true));
         assert_eq!(heard, [true, true, false, false]);
         assert!(receiver.measures(&Vector3::x(), true));
-        assert!([Vector3::zeros(); 9].iter().all(|still| receiver.measures(still, false)));
+        assert!(
+            [Vector3::zeros(); 9]
+                .iter()
+                .all(|still| receiver.measures(still, false))
+        );
     }
 }

@@ -36,11 +36,12 @@ impl<T: Real> Lasting<T> {
             self.velocity = [T::zero(); 2];
         } else if let Some(receiver) = &measured.receiver {
             let most = T::single(LARGEST);
-            self.velocity = [receiver.horizontal_deviation, receiver.vertical_deviation].map(|of| {
-                // The comparison is false for NaN.
-                let of = if of < most { of } else { most };
-                of * of
-            });
+            self.velocity =
+                [receiver.horizontal_deviation, receiver.vertical_deviation].map(|of| {
+                    // The comparison is false for NaN.
+                    let of = if of < most { of } else { most };
+                    of * of
+                });
         }
     }
 

@@ -26,6 +26,8 @@ const SUSPECT: f32 = 60.0;
 /// Time for which it stays suspect once another channel has jumped back (s): one sensor's channels are believed again
 /// one after another.
 const EXCUSED: f32 = 1.0;
+/// The same after the filter has lost a suspect sensor.
+const LOST_TRACK: f32 = 1.5;
 /// Share of a jump by which the jump back may differ.
 const BACK: f32 = 0.35;
 
@@ -106,6 +108,16 @@ impl<T: Real> Rejection<T> {
         } else {
             self.jumped.abs()
         };
+        let opposite = self.first * self.jumped < T::zero();
+        let large = self.first.abs() > self.jumped.abs() * T::of(0.5);
+        if self.contradicted && self.is_suspect() && !(opposite && large) {
+            // The filter cannot follow the sensor: neither is to be believed for a moment.
+            let longest = T::single(LOST_TRACK);
+            if self.suspect > longest {
+                self.suspect = longest;
+            }
+            return false;
+        }
         self.jumped += self.first;
         let tolerance = largest * T::single(BACK) + deviation * T::single(BACK_DEVIATIONS);
         let small = self.jumped.abs() <= tolerance;

@@ -97,7 +97,11 @@ mod tests {
         for (away, back, expected) in [
             (wrong * first, (wrong * later, later), true),
             (first * wrong, (later * wrong, later), true),
-            (wrong * first, (wrong * later, about(0.0, 1.0, 0.0) * later), false),
+            (
+                wrong * first,
+                (wrong * later, about(1.0, 0.0, 0.0) * later),
+                false,
+            ),
         ] {
             let mut turned = TurnedBack::Nowhere;
             assert!(!turned.jump(&first, &away));

@@ -5,6 +5,7 @@
 //! something that acts on the body. Both are tracked by exponential means. A sensor that keeps repeating its value
 //! ([`repeats`](super::repeats)) measures nothing.
 
+use super::calm::{Calm, SELDOM};
 use super::measurement::CHANNELS;
 use super::repeats::BELIEVED;
 use crate::math::Real;
@@ -18,10 +19,6 @@ const LARGEST_SHARE: [f32; 2] = [0.2, 0.1];
 
 /// Time between two measurements (s) beyond which their innovations are independent, whatever acts on the body.
 const INDEPENDENT: f64 = 0.5;
-
-/// Time between two measurements (s) of a sensor that measures seldom, and mean square below which it is calm.
-const SELDOM: f64 = 0.1;
-const CALM: f32 = 0.5;
 
 /// Number of measurements in a row within the gate after which the filter follows a channel.
 const FOLLOWED: u16 = 4;
@@ -76,38 +73,6 @@ const DEVIATIONS: [[f32; 2]; 3] = [[0.3, 1.0], [6.0, 20.0], [1.0, 5.0]];
 const RESTARTED: [f32; 2] = [1.5, 0.08];
 /// Share of rejections of each channel after a recovery: doubtful for a tenth of a second more.
 const RECOVERED: f32 = 0.055;
-
-/// A second of a sensor that measures a few times in it, whose means would remember a fault for longer than that.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Calm<T> {
-    /// Sums of the squares and of the products, and their number.
-    sums: [T; 3],
-    time: T,
-}
-
-impl<T: Real> Calm<T> {
-    fn new() -> Self {
-        Self {
-            sums: [T::zero(); 3],
-            time: T::zero(),
-        }
-    }
-
-    /// Takes a square and a product, `since` (s) after the last one. Returns the means at the end of a second that was calm.
-    fn take(&mut self, pair: [T; 2], since: T) -> Option<[T; 2]> {
-        let [square, product] = pair;
-        for (sum, part) in self.sums.iter_mut().zip([square, product, T::one()]) {
-            *sum += part;
-        }
-        self.time += since;
-        if self.time < T::of(WINDOW) {
-            return None;
-        }
-        let [squares, products, number] = core::mem::replace(self, Self::new()).sums;
-        let mean = squares / number;
-        (mean < T::single(CALM)).then_some([mean, products / number])
-    }
-}
 
 /// Statistics of one channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -204,7 +169,11 @@ impl<T: Real> ChannelWatch<T> {
         let since = core::mem::replace(&mut self.since, T::zero());
         let elapsed = if since > duration { since } else { duration } / T::of(WINDOW);
         let [few, many] = LARGEST_SHARE.map(T::single);
-        let largest = if elapsed * few > many { elapsed * few } else { many };
+        let largest = if elapsed * few > many {
+            elapsed * few
+        } else {
+            many
+        };
         let share = if elapsed < largest { elapsed } else { largest };
         self.seen = true;
         if rejected {
@@ -296,10 +265,7 @@ impl<T: Real> Watch<T> {
                 clean_sums: channel.clean_sums.map(scalar),
                 renewing: channel.renewing,
                 since: scalar(channel.since),
-                calm: Calm {
-                    sums: channel.calm.sums.map(scalar),
-                    time: scalar(channel.calm.time),
-                },
+                calm: channel.calm.cast(),
                 streak: channel.streak,
                 seen: channel.seen,
             }),
