@@ -12,6 +12,7 @@ use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::frame::{Inertial, Rotation, Vector, facing_north};
 use bodyflight_core::math::small_rotation;
 use bodyflight_tests::estimator_flights::Noise;
+use bodyflight_tests::range_watch::RangeWatch;
 use bodyflight_tests::{reference, reference_body};
 use nalgebra::Vector3;
 
@@ -60,12 +61,14 @@ fn a_fast_turn_is_consistent_though_attitude_noise_turns_the_angular_velocity() 
     let filter =
         ReducedMotionFilter::<f32>::new(&MOTION, &dynamics.cast(), &start.cast(), &recorded);
     let mut filter = Box::new(filter.unwrap());
-    let mut noise = Noise::new(2);
+    let (mut noise, mut ranges) = (Noise::new(2), RangeWatch::default());
     let (mut estimates, mut inconsistent, mut squares) = (0.0f32, 0.0, 0.0);
     for _ in 1..=5 * 240 {
         flown = dynamics.step(&flown, &interval, &inputs, TIME_STEP);
         let measured = seen(&flown.motion(&interval), &mut noise);
-        if let Some(estimate) = filter.push(&recorded, &measured.cast()) {
+        let pushed = filter.push_recorded(&recorded, &measured.cast().into(), &mut ranges);
+        ranges.see(&filter);
+        if let Some(estimate) = pushed {
             estimates += 1.0;
             squares += estimate.normalised_innovation;
             inconsistent += f32::from(u8::from(estimate.consistency != Consistency::Consistent));
@@ -106,12 +109,14 @@ fn ten_minutes_of_constant_input_lose_nothing_in_single_precision() {
     let filter =
         ReducedMotionFilter::<f32>::new(&MOTION, &dynamics.cast(), &start.cast(), &recorded);
     let mut filter = Box::new(filter.unwrap());
-    let mut noise = Noise::new(1);
+    let (mut noise, mut ranges) = (Noise::new(1), RangeWatch::default());
     let (mut estimates, mut wrong, mut inconsistent) = (0.0, 0.0, 0.0);
     for k in 1..=LENGTH * 240 {
         flown = dynamics.step(&flown, &interval, &inputs, TIME_STEP);
         let measured = seen(&flown.motion(&interval), &mut noise);
-        let Some(estimate) = filter.push(&recorded, &measured.cast()) else {
+        let pushed = filter.push_recorded(&recorded, &measured.cast().into(), &mut ranges);
+        ranges.see(&filter);
+        let Some(estimate) = pushed else {
             continue;
         };
         if k < 10 * 240 {

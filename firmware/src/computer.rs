@@ -4,10 +4,14 @@
 //! that runs a [`Computer`] over the same samples gets the same bits as the unit.
 
 mod filter;
+mod tempo;
 
 use bodyflight_core::aerodynamics::Aerodynamics;
 use bodyflight_core::air::Air;
 use bodyflight_core::dynamics::{Dynamics, Motion};
+#[cfg(doc)]
+use bodyflight_core::estimator::motion::state;
+use bodyflight_core::estimator::motion::state::STATES;
 use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::link::{
@@ -16,6 +20,7 @@ use bodyflight_core::link::{
 use bodyflight_core::{Posture, Real};
 
 use filter::Filter;
+use tempo::Tempo;
 
 /// Largest step in sample numbers that the model bridges, with interpolated postures; after a longer gap the
 /// reconstructed motion is reset to the next sample.
@@ -125,6 +130,7 @@ pub struct Computer {
     /// Whether the filter started without a posture.
     is_posture_assumed: bool,
     last: Option<Last>,
+    tempo: Tempo,
     /// Flags to be reported with the next estimate.
     pending: EstimateFlags,
     /// Number of consecutive inconsistent updates.
@@ -145,6 +151,7 @@ impl Computer {
             filter: None,
             is_posture_assumed: false,
             last: None,
+            tempo: Tempo::new(),
             pending: EstimateFlags::empty(),
             inconsistent: 0,
         }
@@ -163,10 +170,17 @@ impl Computer {
         self.configuration.as_ref()
     }
 
+    /// Standard deviations of the motion filter's present state, in the order of [`state`]; `None` before its start and
+    /// with the paper's filters. The link has room for those of the inputs only.
+    pub fn deviation(&self) -> Option<[f32; STATES]> {
+        self.filter.as_ref().and_then(Filter::deviation)
+    }
+
     /// Restarts the filter with the next sample.
     pub fn reset(&mut self) {
         self.filter = None;
         self.last = None;
+        self.tempo = Tempo::new();
         self.pending = EstimateFlags::empty();
         self.inconsistent = 0;
     }
@@ -202,7 +216,7 @@ impl Computer {
         if steps == 0 {
             return Outcome::Rejected;
         }
-        let from = last.posture;
+        let (from, elapsed) = (last.posture, time.saturating_sub(last.time));
         let posture = if has_posture { sample.posture() } else { from };
         let motion = motion_of(sample, last.velocity);
         self.last = Some(Last {
@@ -211,6 +225,7 @@ impl Computer {
             velocity: motion.velocity_inertial(),
         });
         if steps > LONGEST_BRIDGE {
+            self.tempo.interrupt();
             // Coefficients and covariance are kept.
             let gap = f32::from(steps) / configuration.sample_rate;
             let unknown = unless_measured(sample, (UNMEASURED * gap).min(ASSUMED_DEVIATION));
@@ -219,6 +234,7 @@ impl Computer {
             }
             return Outcome::Used(None);
         }
+        self.tempo.take(elapsed, steps, configuration.sample_rate);
         let mut estimate = None;
         let share = 1.0 / f32::from(steps);
         for step in 1..steps {
@@ -235,7 +251,12 @@ impl Computer {
             return Outcome::Used(None);
         };
         let pending = core::mem::take(&mut self.pending);
-        let answer = estimate.over_the_link(sequence, pending);
+        let mut answer = estimate.over_the_link(sequence, pending);
+        if self.tempo.is_wrong() {
+            let is_lost = answer.flags.contains(EstimateFlags::LOST);
+            answer.flags.set(EstimateFlags::RATE, true);
+            answer.flags.set(EstimateFlags::DOUBTFUL, !is_lost);
+        }
         self.watch(estimate.is_lost(), sample, &motion, &posture);
         Outcome::Used(Some(answer))
     }

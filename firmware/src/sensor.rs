@@ -13,6 +13,7 @@ mod aiding;
 pub mod icm42688;
 mod level;
 mod reading;
+mod receiver;
 mod rvc;
 
 use bodyflight_core::frame::{Rotation, Vector};
@@ -25,6 +26,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 pub(crate) use aiding::STANDARD_GRAVITY;
 use level::{Attitude, Level};
 use reading::Reading;
+use receiver::Receiver;
 
 /// Rate of the line of a sensor of this kind (baud): an MTi as it is set up for the unit, a BNO08x as it always is.
 pub const fn line_rate(kind: SensorKind) -> u32 {
@@ -84,7 +86,8 @@ pub struct Sensor {
     kind: SensorKind,
     decoder: Decoder<LONGEST>,
     rvc: rvc::Decoder,
-    receiver: ubx::Decoder,
+    solution_decoder: ubx::Decoder,
+    receiver: Receiver,
     clock: SampleClock,
     restarts: u32,
     body_from_sensor: UnitQuaternion<f32>,
@@ -120,7 +123,8 @@ impl Sensor {
             kind: SensorKind::Xbus,
             decoder: Decoder::new().only(MessageId::MT_DATA2),
             rvc: rvc::Decoder::new(),
-            receiver: ubx::Decoder::new(),
+            solution_decoder: ubx::Decoder::new(),
+            receiver: Receiver::default(),
             clock: SampleClock::new(),
             restarts: 0,
             body_from_sensor: UnitQuaternion::identity(),
@@ -161,6 +165,7 @@ impl Sensor {
     pub fn restart(&mut self) {
         self.last = None;
         self.solution = None;
+        self.receiver = Receiver::default();
         self.pressure = None;
         self.address = None;
         self.raw_address = None;
@@ -176,21 +181,24 @@ impl Sensor {
     /// Searches bytes for the solutions of a receiver, arriving at `now` (us).
     pub fn receive_solutions(&mut self, bytes: &[u8], now: u64) {
         for &byte in bytes {
-            let Some(solution) = self.receiver.push(byte) else {
+            let Some(solution) = self.solution_decoder.push(byte) else {
                 continue;
             };
             self.solutions = self.solutions.wrapping_add(1);
             if let Some(velocity) = solution.velocity() {
-                self.see_speed(velocity.norm(), now);
-                self.solution = Some(Solution {
-                    velocity,
-                    speed: solution.ground_speed_mps,
-                    deviation: solution.speed_accuracy_mps,
-                    arrived: now,
-                    age: self.latency,
-                });
-                self.level
-                    .solution(&velocity, solution.speed_accuracy_mps, self.latency);
+                #[expect(clippy::cast_possible_truncation, reason = "wraps")]
+                let now_ms = (now / 1000) as u32;
+                let measures = self.hear(&velocity, now);
+                let late = self.receiver.lateness(solution.time_of_week_ms, now_ms);
+                if measures {
+                    self.answer(Solution {
+                        velocity,
+                        speed: solution.ground_speed_mps,
+                        deviation: solution.speed_accuracy_mps,
+                        arrived: now,
+                        age: self.latency + late,
+                    });
+                }
             }
         }
     }
@@ -234,6 +242,7 @@ impl Sensor {
                 is_measured: true,
                 heading_error: 0.0,
                 north_found: false,
+                is_levelled: false,
             });
         }
         let (Some(turn), Some(force), None) = (
@@ -261,25 +270,35 @@ impl Sensor {
             return;
         };
         self.solutions = self.solutions.wrapping_add(1);
-        self.see_speed(velocity.norm(), now);
-        // The sensor gives such a packet the time of the solution, so its age is known; the clock does not advance.
-        let age = reading.fine_time.and_then(|fine| self.clock.behind(fine));
-        self.level
-            .solution(&velocity, deviation, age.unwrap_or(self.latency));
-        self.solution = Some(Solution {
-            velocity,
-            speed,
-            deviation,
-            arrived: now,
-            age: age.unwrap_or(self.latency),
-        });
+        if self.hear(&velocity, now) {
+            // The sensor gives such a packet the time of the solution, so its age is known; the clock does not advance.
+            let age = reading.fine_time.and_then(|fine| self.clock.behind(fine));
+            self.answer(Solution {
+                velocity,
+                speed,
+                deviation,
+                arrived: now,
+                age: age.unwrap_or(self.latency),
+            });
+        }
     }
 
-    /// Notes whether a receiver's speed (m/s) is that of somebody who moves.
-    fn see_speed(&mut self, speed: f32, now: u64) {
-        if speed > MOVING_SPEED {
+    /// Takes a receiver's velocity (m/s), and whether it is that of somebody who moves. Returns whether the receiver still
+    /// measures.
+    fn hear(&mut self, velocity: &Vector3<f32>, now: u64) -> bool {
+        let is_moving = velocity.norm() > MOVING_SPEED;
+        let measures = self.receiver.measures(velocity, is_moving);
+        if is_moving && measures {
             self.moved = Some(now);
         }
+        measures
+    }
+
+    /// Uses a solution.
+    fn answer(&mut self, solution: Solution) {
+        self.level
+            .solution(&solution.velocity, solution.deviation, solution.age);
+        self.solution = Some(solution);
     }
 
     /// Counts a packet without an orientation, which has a number of its own: it is no missing sample.
@@ -321,18 +340,13 @@ impl Sensor {
         let inertial_from_body = attitude.inertial_from_sensor * self.body_from_sensor.inverse();
         let body_axes = |vector| Vector::from_components(self.body_from_sensor * vector);
         let known = solution.filter(|_| attitude.heading_error < level::TRUSTED_HEADING);
-        let velocity = known.map(|solution| solution.velocity);
-        let motion = Motion {
-            angular_velocity: attitude.turn.map(body_axes),
-            velocity: reading.velocity.or(velocity).map(Vector::from_components),
-            horizontal_speed: known.map(|solution| solution.speed),
-        };
         let pressure = self.pressure.take();
         let pressure = pressure.filter(|(_, at)| now.saturating_sub(*at) < OLDEST_PRESSURE);
         let mut readings = Readings {
             specific_force: reading.specific_force.map(body_axes),
             pressure: pressure.map(|(pressure, _)| pressure),
             north_found: attitude.north_found,
+            is_levelled: attitude.is_levelled,
             ..Readings::default()
         };
         if let Some(solution) = solution {
@@ -344,6 +358,15 @@ impl Sensor {
             readings.receiver_deviation = [horizontal, VERTICAL_RATIO * solution.deviation];
             readings.receiver_age = solution.age + waited as f32 * 1e-6;
         }
+        let sensors = Sensors::new(&readings);
+        // A velocity beyond all bounds has no speed either.
+        let known = known.filter(|_| sensors.receiver().is_some());
+        let velocity = known.map(|solution| solution.velocity);
+        let motion = Motion {
+            angular_velocity: attitude.turn.map(body_axes),
+            velocity: reading.velocity.or(velocity).map(Vector::from_components),
+            horizontal_speed: known.map(|solution| solution.speed),
+        };
         let inertial_from_body = Rotation::from_quaternion(inertial_from_body);
         let posture = self.posture.unwrap_or_else(Posture::h_pose);
         let mut sample = Sample::new(&posture, &inertial_from_body, &motion);
@@ -352,7 +375,7 @@ impl Sensor {
         Sensed {
             header,
             sample,
-            sensors: Sensors::new(&readings),
+            sensors,
         }
     }
 }

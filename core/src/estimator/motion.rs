@@ -15,6 +15,7 @@
 pub mod activity;
 pub mod airflow;
 mod assumed;
+mod calm;
 mod climb;
 pub mod constants;
 pub mod covariance;
@@ -23,6 +24,7 @@ pub mod estimate;
 mod filter;
 mod fusion;
 mod held;
+mod lasting;
 pub mod measurement;
 mod pace;
 pub mod posture_error;
@@ -39,6 +41,7 @@ pub mod state;
 pub mod support;
 pub mod trail;
 pub mod transition;
+mod turned_back;
 pub mod update;
 pub mod watch;
 

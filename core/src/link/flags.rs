@@ -67,6 +67,8 @@ bitflags! {
         const PRESSURE = 1 << 2;
         /// North has been found: the attitudes so far had another, so the motion is taken anew.
         const NORTH_FOUND = 1 << 3;
+        /// The attitude is integrated from where the sensor was level.
+        const LEVELLED = 1 << 4;
     }
 }
 
@@ -106,7 +108,8 @@ impl Wire for EstimateFlags {
 
 impl Wire for SensorParts {
     const SIZE: usize = 1;
-    const KIND: &'static str = "u8: bit 0 specific force, 1 receiver, 2 pressure, 3 north found";
+    const KIND: &'static str =
+        "u8: bit 0 specific force, 1 receiver, 2 pressure, 3 north found, 4 levelled";
     fn put(self, writer: &mut Writer<'_>) -> Option<()> {
         self.bits().put(writer)
     }
@@ -148,7 +151,7 @@ mod tests {
     #[test]
     fn the_byte_table_names_every_bit() {
         assert_eq!(named_bits::<EstimateFlags>(EstimateFlags::KIND), 13);
-        assert_eq!(named_bits::<SensorParts>(SensorParts::KIND), 4);
+        assert_eq!(named_bits::<SensorParts>(SensorParts::KIND), 5);
         assert_eq!(named_bits::<Validity>(Validity::KIND), 5);
     }
 

@@ -19,6 +19,11 @@ const FORCE_DEVIATION: f32 = 1.5;
 /// Standard deviation of the height from the pressure (m): the noise of the sensor and of the flow around the body.
 const HEIGHT_DEVIATION: f32 = 1.5;
 
+/// Standard deviation of the error that an orientation keeps for seconds, each axis (rad): that of the sensor's own filter in
+/// motion by the data sheets of this class, and of a sensor that was levelled.
+const ORIENTATION_ERROR: f32 = 0.02;
+const LEVELLED_ERROR: f32 = 0.03;
+
 /// Measurements of one instant; `None` for a quantity that was not measured.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Readings {
@@ -34,6 +39,8 @@ pub struct Readings {
     pub pressure: Option<u32>,
     /// Whether north has been found, so that attitudes before had another.
     pub north_found: bool,
+    /// Whether the attitude is integrated from where the sensor was level.
+    pub is_levelled: bool,
 }
 
 /// Thousandths, as an unsigned number that saturates; the largest for NaN.
@@ -79,6 +86,9 @@ impl Sensors {
             .valid
             .set(SensorParts::NORTH_FOUND, readings.north_found);
         sensors
+            .valid
+            .set(SensorParts::LEVELLED, readings.is_levelled);
+        sensors
     }
 
     /// Returns the specific force with the deviation that this class of sensor has on a body in the airstream.
@@ -96,6 +106,16 @@ impl Sensors {
     /// Whether the attitudes before this sample had another north.
     pub const fn finds_north(&self) -> bool {
         self.valid.contains(SensorParts::NORTH_FOUND)
+    }
+
+    /// Standard deviation of the attitude's error that lasts, each axis (rad): a levelled one is used until twice of that
+    /// has added up.
+    pub const fn attitude_error(&self) -> f32 {
+        if self.valid.contains(SensorParts::LEVELLED) {
+            LEVELLED_ERROR
+        } else {
+            ORIENTATION_ERROR
+        }
     }
 
     /// Returns the velocity of the receiver.
@@ -151,8 +171,9 @@ mod tests {
                 receiver_age: age,
                 pressure: Some(89_875),
                 north_found: true,
+                is_levelled: true,
             });
-            prop_assert!(sensors.finds_north());
+            prop_assert!(sensors.finds_north() && sensors.attitude_error() > 0.02);
             let found = sensors.specific_force().unwrap().force.components;
             prop_assert!((found - Vector3::from(force)).amax() <= 0.5 / FORCE_COUNTS + 1e-4);
             let receiver = sensors.receiver().unwrap();

@@ -9,6 +9,7 @@ mod flight;
 mod host;
 mod result;
 pub mod sensed;
+pub mod tampered;
 
 pub use chip::{Chip, Cost, Event, Look, Options, Provoked, Watchdog};
 pub use flight::Flight;

@@ -25,7 +25,7 @@ pub struct Sensed {
     pub frames: Vec<FlightFrame>,
     /// Time at which bytes are sent (s), and the bytes.
     pub bytes: Vec<(f64, Vec<u8>)>,
-    /// The muscle input that acts: pitch, yaw, roll.
+    /// The muscle input that acts: pitch, yaw, roll; NaN if it is not constant.
     pub muscle: [f64; 3],
 }
 
@@ -73,7 +73,11 @@ impl Sensed {
         let (flight, mut frames) = flown(name)?;
         frames.retain(|frame| frame.time <= seconds);
         let sensed = Self::by(&flight, frames, RATE, sensor);
-        sensed.map_err(|problem| problem.to_string())
+        let sensed = sensed.map_err(|problem| problem.to_string())?;
+        Ok(Self {
+            muscle: [f64::NAN; 3],
+            ..sensed
+        })
     }
 
     fn read(

@@ -8,7 +8,7 @@ use bodyflight_core::estimator::motion::estimate::MotionEstimate;
 use bodyflight_core::estimator::motion::measurement::{MotionMeasurement, SensorMeasurement};
 use bodyflight_core::estimator::motion::sensors::Gyroscope;
 use bodyflight_core::estimator::motion::settings::MotionPreset;
-use bodyflight_core::estimator::motion::state::MUSCLE;
+use bodyflight_core::estimator::motion::state::{MUSCLE, STATES};
 use bodyflight_core::estimator::motion::support::Situation;
 use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::preset::Preset;
@@ -81,6 +81,14 @@ impl Filter {
         match self {
             Self::Windows(filter) => filter.restart(motion, posture),
             Self::Motion(filter) => filter.restart_assuming(motion, posture, velocity_deviation),
+        }
+    }
+
+    /// Standard deviations of the present state, of the motion filter only.
+    pub(super) fn deviation(&self) -> Option<[f32; STATES]> {
+        match self {
+            Self::Windows(_) => None,
+            Self::Motion(filter) => Some(filter.deviation().into()),
         }
     }
 
@@ -192,6 +200,7 @@ fn sensor_measurement_of(sample: &Sample, sensors: Option<&Sensors>) -> SensorMe
         horizontal_speed: measured.horizontal_speed.filter(|_| receiver.is_none()),
     };
     SensorMeasurement {
+        attitude_error: sensors.map_or(0.0, Sensors::attitude_error),
         receiver,
         barometer: sensors.and_then(Sensors::barometer),
         gyroscope: raw.map(|angular_velocity| Gyroscope {

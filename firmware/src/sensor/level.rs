@@ -61,6 +61,8 @@ pub(super) struct Attitude {
     pub(super) heading_error: f32,
     /// Whether it had another heading before.
     pub(super) north_found: bool,
+    /// Whether it is integrated from where the sensor was level, with the errors that add up meanwhile.
+    pub(super) is_levelled: bool,
 }
 
 /// Integrates the attitude.
@@ -139,6 +141,7 @@ impl Level {
                 && (!self.has_receiver || self.heading_error < TRUSTED_HEADING),
             heading_error: self.heading_error,
             north_found: core::mem::take(&mut self.north_found),
+            is_levelled: true,
         }
     }
 

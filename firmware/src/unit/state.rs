@@ -107,6 +107,11 @@ impl<B: Board> Unit<B> {
         &self.board
     }
 
+    /// The computation.
+    pub fn computer(&self) -> &Computer {
+        &self.computer
+    }
+
     /// The sample that was processed last, or `None` before the first.
     pub fn last_sample(&self) -> Option<&Sample> {
         self.last.as_ref().map(|(_, sample)| sample)

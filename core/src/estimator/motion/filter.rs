@@ -10,6 +10,7 @@ use super::constants::Constants;
 use super::covariance::Factors;
 use super::estimate::ChannelEstimate;
 use super::held::Held;
+use super::lasting::Lasting;
 use super::measurement::{CHANNELS, Noise};
 use super::pace::Pace;
 use super::posture_error::PostureError;
@@ -23,6 +24,7 @@ use super::state::{Covariance, FlightState, inputs_of};
 use super::support::Support;
 use super::trail::Trail;
 use super::transition::MotionSlope;
+use super::turned_back::TurnedBack;
 use super::watch::Watch;
 use crate::body::posture::Posture;
 use crate::dynamics::applied_load::AppliedLoads;
@@ -71,6 +73,8 @@ pub struct MotionFilter<T: Real, P: Propagation<T>> {
     pub(super) watch: Watch<T>,
     pub(super) repeats: Repeats<T>,
     pub(super) held: Held<T>,
+    pub(super) lasting: Lasting<T>,
+    pub(super) turned_back: TurnedBack<T>,
     pub(super) trail: Trail<T>,
     pub(super) climb: Climb<T>,
     pub(super) airflow: Airflow<T>,
@@ -139,6 +143,8 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             watch: Watch::new(),
             repeats: Repeats::new(),
             held: Held::none(),
+            lasting: Lasting::new(),
+            turned_back: TurnedBack::Nowhere,
             trail: Trail::new(),
             climb: Climb::new(),
             airflow: Airflow::none(),

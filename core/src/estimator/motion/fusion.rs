@@ -7,7 +7,8 @@ use super::covariance;
 use super::estimate::{ChannelEstimate, Recorder};
 use super::filter::MotionFilter;
 use super::measurement::{
-    BAROMETER_CHANNEL, FORCE_CHANNELS, Prediction, RATE_CHANNELS, Row, SensorMeasurement,
+    BAROMETER_CHANNEL, FORCE_CHANNELS, Prediction, RATE_CHANNELS, RECEIVER_CHANNELS, Row,
+    SensorMeasurement,
 };
 use super::rejection::{Rejection, Verdict, coordinates, explaining};
 use super::repeats::BELIEVED;
@@ -42,6 +43,8 @@ pub(super) struct Moved<T: Real> {
     reset: bool,
     /// Whether the filter follows its sensors again after it was lost.
     recovered: bool,
+    /// Whether the filter was consistent before.
+    trusted: bool,
 }
 
 /// A channel as the filter sees it: its innovation, and its derivative with respect to the first coordinates.
@@ -81,6 +84,8 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             .joined(measured, &prediction.motion, &self.trail, self.duration);
         let mut measured = self.climb.with_rate(&measured, self.duration);
         self.repeats.take(&measured.motion, self.duration);
+        self.lasting.take(&measured);
+        self.turned_back.pass(self.duration);
         self.constants.concern(&measured);
         if measured.measures(RATE_CHANNELS.start) {
             self.scale.concern(measured.reads(RATE_CHANNELS.start));
@@ -93,12 +98,14 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             constants: Constant::zeros(),
             reset: false,
             recovered: false,
+            trusted: false,
         };
         let is_carried = self.support.situation() == Situation::Supported;
         moved.reset |= self.assumed.take(&measured, is_carried, self.duration);
         if measured.specific_force.is_some() && !self.is_velocity_clear() {
             measured.specific_force = None;
         }
+        moved.trusted = self.watch.is_trusted();
         let mut fused = [false; 2];
         let mut followed = true;
         for k in 0..self.channels.len() {
@@ -175,12 +182,19 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         let square = normalised * normalised;
         // NaN is not within the gate, so it is rejected.
         let within = square <= self.gate;
-        let trusted = within || self.watch.is_trusted(k, self.duration);
+        let trusted = within || moved.trusted && self.watch.follows(k);
         self.watch.take(k, normalised, !within, self.duration);
         self.activity.take(k, normalised);
         self.squares[0] += if within { square } else { self.gate };
         self.squares[1] += T::one();
-        let verdict = self.rejections[k].judge(k, [value, noise], within, trusted);
+        let verdict = if self.is_outranked(k) {
+            Verdict::Gate
+        } else {
+            self.rejections[k].judge(k, [value, noise], within, trusted)
+        };
+        if k < RATE_CHANNELS.start && verdict == Verdict::Reset {
+            self.turn_attitude(measured, prediction);
+        }
         if verdict != Verdict::Gate && value.is_finite() {
             self.give_up(k, value * value, &look, moved);
             if verdict == Verdict::Return {
@@ -213,6 +227,27 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             }
         }
         fused
+    }
+
+    /// Whether a channel is not believed against the filter: a barometer, which the flow around a body disturbs, as long as
+    /// a receiver tells the velocity.
+    fn is_outranked(&self, k: usize) -> bool {
+        k == BAROMETER_CHANNEL && self.watch.is_heard(RECEIVER_CHANNELS.end - 1)
+    }
+
+    /// Takes a jump of the attitude; one that is back where it was is no longer suspect.
+    fn turn_attitude(&mut self, measured: &SensorMeasurement<T>, prediction: &Prediction<T>) {
+        let predicted = prediction.motion.inertial_from_body;
+        let is_back = measured.motion.inertial_from_body.is_some_and(|attitude| {
+            self.turned_back
+                .jump(predicted.quaternion(), attitude.quaternion())
+        });
+        if is_back {
+            for rejection in &mut self.rejections[..RATE_CHANNELS.start] {
+                rejection.pardon();
+            }
+            self.rejections.iter_mut().for_each(Rejection::excuse);
+        }
     }
 
     /// Gives up what the filter believed of a channel's quantity, as far as the innovation's square asks for: the filter

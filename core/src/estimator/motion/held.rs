@@ -70,6 +70,11 @@ impl<T: Real> Held<T> {
                 velocity: now.velocity.or(before.velocity.map(later)),
                 horizontal_speed: now.horizontal_speed.or(before.horizontal_speed),
             },
+            attitude_error: if now.inertial_from_body.is_some() {
+                measured.attitude_error
+            } else {
+                earlier.attitude_error
+            },
             receiver: receiver.map(|receiver| at_present(&receiver, trail, duration)),
             barometer: measured.barometer.or(earlier.barometer),
             gyroscope: measured.gyroscope.or(earlier.gyroscope),

@@ -160,6 +160,9 @@ impl<T: Real> MotionMeasurement<T> {
 pub struct SensorMeasurement<T: Real> {
     /// Motion as a suit or an attitude sensor reports it.
     pub motion: MotionMeasurement<T>,
+    /// Standard deviation of the attitude's error that lasts for seconds, each axis (rad), in addition to its noise. No mean
+    /// removes it, so the error bars include it; zero for a suit.
+    pub attitude_error: T,
     /// Velocity from a satellite receiver, fused at its own time.
     pub receiver: Option<ReceiverVelocity<T>>,
     /// Height or vertical velocity from a barometer.
@@ -227,6 +230,7 @@ impl<T: Real> SensorMeasurement<T> {
     pub fn cast<U: Real>(&self) -> SensorMeasurement<U> {
         SensorMeasurement {
             motion: self.motion.cast(),
+            attitude_error: U::of(self.attitude_error.to_f64()),
             receiver: self.receiver.map(|receiver| receiver.cast()),
             barometer: self.barometer.map(|barometer| barometer.cast()),
             gyroscope: self.gyroscope.map(|gyroscope| gyroscope.cast()),
@@ -239,6 +243,7 @@ impl<T: Real> From<MotionMeasurement<T>> for SensorMeasurement<T> {
     fn from(motion: MotionMeasurement<T>) -> Self {
         Self {
             motion,
+            attitude_error: T::zero(),
             receiver: None,
             barometer: None,
             gyroscope: None,

@@ -3,13 +3,28 @@
 use super::estimate::{ChannelEstimate, MotionEstimate};
 use super::filter::{MotionFilter, STILL};
 use super::measurement::CHANNELS;
-use super::state::SPIN;
+use super::state::{Difference, SPIN};
 use super::support::Situation;
 use super::watch::{Consistency, Watch};
 use crate::estimator::propagation::Propagation;
 use crate::math::Real;
 
 impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
+    /// Returns the standard deviations of the present state's errors, in the order of [`state`](super::state), as an
+    /// estimate states them.
+    pub fn deviation(&self) -> Difference<T> {
+        let mut variances = self.factors.variances();
+        self.constants.add_variances(&mut variances);
+        let spin = self.motion().angular_velocity.components;
+        let by_scale = self.scale.variance(&spin);
+        for (k, variance) in by_scale.iter().enumerate() {
+            variances[SPIN + k] += *variance;
+        }
+        self.lasting.add_to(&mut variances);
+        let unknown_posture = self.still >= T::single(STILL);
+        self.process.stated(&variances, unknown_posture)
+    }
+
     /// Returns the estimate of the present state, and begins the counts of the next one.
     #[inline(never)]
     pub(super) fn publish(&mut self) -> MotionEstimate<T> {
@@ -17,16 +32,9 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         let channels = core::mem::replace(&mut self.channels, nothing);
         let [sum, number] = core::mem::replace(&mut self.squares, [T::zero(); 2]);
         let situation = self.support.situation();
-        let mut variances = self.factors.variances();
-        self.constants.add_variances(&mut variances);
         let motion = self.motion();
-        let by_scale = self.scale.variance(&motion.angular_velocity.components);
-        for (k, variance) in by_scale.iter().enumerate() {
-            variances[SPIN + k] += *variance;
-        }
         self.faults.rate |= self.watch.pace.is_some();
-        let unknown_posture = self.still >= T::single(STILL);
-        let deviation = self.process.stated(&variances, unknown_posture);
+        let deviation = self.deviation();
         let least = match situation {
             Situation::Flying => Consistency::Consistent,
             Situation::Supported => Consistency::Doubtful,

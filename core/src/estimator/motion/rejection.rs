@@ -12,9 +12,11 @@ use super::state::{ATTITUDE, RESIDUAL_FORCE, SPIN, VELOCITY};
 use crate::math::Real;
 
 /// Time for which innovations must agree (s), and how many must.
-const AGREEING: (f32, u16) = (0.3, 4);
+const AGREEING: (f32, u16) = (0.3, 3);
 /// Number of standard deviations of the sensor by which innovations that agree may differ.
 const DEVIATIONS: f32 = 5.0;
+/// The same of a jump back, which is beyond the gate as the jump was.
+const BACK_DEVIATIONS: f32 = 3.0;
 /// How fast the innovation of a wrong filter may change: attitude (rad/s), angular velocity (rad/s2), velocity (m/s2),
 /// specific force (m/s3).
 const RATES: [f32; 4] = [5.0, 20.0, 15.0, 40.0];
@@ -24,6 +26,8 @@ const SUSPECT: f32 = 60.0;
 /// Time for which it stays suspect once another channel has jumped back (s): one sensor's channels are believed again
 /// one after another.
 const EXCUSED: f32 = 1.0;
+/// The same after the filter has lost a suspect sensor.
+const LOST_TRACK: f32 = 1.5;
 /// Share of a jump by which the jump back may differ.
 const BACK: f32 = 0.35;
 
@@ -74,7 +78,7 @@ impl<T: Real> Rejection<T> {
     }
 
     /// Takes the sensor as no longer suspect.
-    fn pardon(&mut self) {
+    pub(super) fn pardon(&mut self) {
         self.jumped = T::zero();
         self.suspect = T::zero();
     }
@@ -104,8 +108,18 @@ impl<T: Real> Rejection<T> {
         } else {
             self.jumped.abs()
         };
+        let opposite = self.first * self.jumped < T::zero();
+        let large = self.first.abs() > self.jumped.abs() * T::of(0.5);
+        if self.contradicted && self.is_suspect() && !(opposite && large) {
+            // The filter cannot follow the sensor: neither is to be believed for a moment.
+            let longest = T::single(LOST_TRACK);
+            if self.suspect > longest {
+                self.suspect = longest;
+            }
+            return false;
+        }
         self.jumped += self.first;
-        let tolerance = largest * T::single(BACK) + deviation * T::single(DEVIATIONS);
+        let tolerance = largest * T::single(BACK) + deviation * T::single(BACK_DEVIATIONS);
         let small = self.jumped.abs() <= tolerance;
         // While it follows a wrong sensor the filter may become inconsistent, and so do the jumps back.
         let back = self.contradicted || small && self.is_suspect();

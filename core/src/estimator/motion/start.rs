@@ -1,15 +1,18 @@
 //! Starting and restarting a motion filter.
 
 use super::assumed::Assumed;
+use super::climb::Climb;
 use super::covariance;
 use super::filter::MotionFilter;
 use super::held::Held;
+use super::lasting::Lasting;
 use super::measurement::CHANNELS;
 use super::recovery::Recovery;
 use super::rejection::Rejection;
 use super::state::{VELOCITY, inputs_of};
 use super::support::Support;
 use super::trail::Trail;
+use super::turned_back::TurnedBack;
 use super::watch::{Consistency, Watch};
 use crate::body::mass_properties::PostureRate;
 use crate::body::posture::Posture;
@@ -64,6 +67,9 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.constants.disconnect();
         self.trail = Trail::new();
         self.held = Held::none();
+        self.climb = Climb::new();
+        self.lasting = Lasting::new();
+        self.turned_back = TurnedBack::Nowhere;
         self.rejections = [Rejection::new(); CHANNELS];
         self.recovery = Recovery::new();
         self.support = Support::new();

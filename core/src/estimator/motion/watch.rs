@@ -5,12 +5,23 @@
 //! something that acts on the body. Both are tracked by exponential means. A sensor that keeps repeating its value
 //! ([`repeats`](super::repeats)) measures nothing.
 
+use super::calm::{Calm, SELDOM};
 use super::measurement::CHANNELS;
 use super::repeats::BELIEVED;
 use crate::math::Real;
 
 /// Time constant of the means (s).
 pub const WINDOW: f64 = 1.0;
+
+/// Largest weight of one measurement in the means, for sensors that measure seldom: by time, in time constants, and that of
+/// a few measurements a second.
+const LARGEST_SHARE: [f32; 2] = [0.2, 0.1];
+
+/// Time between two measurements (s) beyond which their innovations are independent, whatever acts on the body.
+const INDEPENDENT: f64 = 0.5;
+
+/// Number of measurements in a row within the gate after which the filter follows a channel.
+const FOLLOWED: u16 = 4;
 
 /// Agreement of the filter's error bars with the measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -74,11 +85,16 @@ pub struct ChannelWatch<T> {
     pub rejected: T,
     product: T,
     last: T,
-    /// Time since the last rejection, in time constants of the means, up to one.
+    /// Time since the last rejection, in time constants of the means, up to one, and number of measurements.
     clean: T,
-    /// Shares of the mean square and of the product since the last rejection, and whether they will replace the means.
-    clean_sums: [T; 2],
+    followed: u16,
+    /// Shares of the mean square and of the product since the last rejection, their weight, and whether they will replace
+    /// the means.
+    clean_sums: [T; 3],
     renewing: bool,
+    /// Time since the last measurement (s).
+    since: T,
+    calm: Calm<T>,
     /// Time for which the sensor has repeated its value (s).
     pub repeated: T,
     /// Number of consecutive innovations beyond the gate.
@@ -97,31 +113,47 @@ impl<T: Real> ChannelWatch<T> {
             product: T::zero(),
             last: T::zero(),
             clean: T::zero(),
-            clean_sums: [T::zero(); 2],
+            followed: 0,
+            clean_sums: [T::zero(); 3],
             renewing: false,
+            since: T::zero(),
+            calm: Calm::new(),
             streak: 0,
             seen: false,
         }
     }
 
-    /// Processes an innovation divided by its standard deviation; `share` is its weight in the means. One beyond the
-    /// gate counts as rejected and enters no mean.
-    fn take(&mut self, normalised: T, rejected: bool, share: T) {
-        self.take_rejection(rejected, share);
+    /// Processes an innovation divided by its standard deviation, at least `duration` (s) after the last one. One beyond
+    /// the gate counts as rejected and enters no mean.
+    fn take(&mut self, normalised: T, rejected: bool, duration: T) {
+        let [share, since] = self.take_rejection(rejected, duration);
         if rejected || !normalised.is_finite() {
             return;
         }
         let one = T::one();
-        let (square, product) = (normalised * normalised, normalised * self.last);
+        let square = normalised * normalised;
+        let product = if since <= T::of(INDEPENDENT) {
+            normalised * self.last
+        } else {
+            T::zero()
+        };
         self.mean_square += (square - self.mean_square) * share;
         self.product += (product - self.product) * share;
         if self.clean < one {
             self.clean_sums[0] += square * share;
             self.clean_sums[1] += product * share;
+            self.clean_sums[2] += share;
         } else if self.renewing {
-            // For as long as the means last nothing was rejected, so they are those of that time.
-            [self.mean_square, self.product] = self.clean_sums;
+            // For as long as the means last nothing was rejected, so they are those of that time, as far as a sensor
+            // that measures seldom tells.
+            let [squares, products, weight] = self.clean_sums;
+            (self.mean_square, self.product) = (squares + (one - weight), products);
             self.renewing = false;
+        }
+        if since > T::of(SELDOM)
+            && let Some([squares, products]) = self.calm.take([square, product], since)
+        {
+            (self.mean_square, self.product) = (squares, products);
         }
         let floor = if self.mean_square > one {
             self.mean_square
@@ -132,30 +164,39 @@ impl<T: Real> ChannelWatch<T> {
         self.last = normalised;
     }
 
-    fn take_rejection(&mut self, rejected: bool, share: T) {
+    /// Returns the weight of a measurement in the means, and the time since the last one (s).
+    fn take_rejection(&mut self, rejected: bool, duration: T) -> [T; 2] {
+        let since = core::mem::replace(&mut self.since, T::zero());
+        let elapsed = if since > duration { since } else { duration } / T::of(WINDOW);
+        let [few, many] = LARGEST_SHARE.map(T::single);
+        let largest = if elapsed * few > many {
+            elapsed * few
+        } else {
+            many
+        };
+        let share = if elapsed < largest { elapsed } else { largest };
         self.seen = true;
         if rejected {
             self.rejected += (T::one() - self.rejected) * share;
             self.streak = self.streak.saturating_add(1);
             self.clean = T::zero();
-            self.clean_sums = [T::zero(); 2];
+            self.followed = 0;
+            self.clean_sums = [T::zero(); 3];
+            self.calm = Calm::new();
             self.renewing = true;
-            return;
+            return [share, since];
         }
         self.streak = 0;
-        self.clean += share;
+        self.followed = self.followed.saturating_add(1);
+        self.clean += elapsed;
         if self.clean < T::one() {
-            self.rejected -= self.rejected * share;
+            self.rejected -= self.rejected * elapsed;
         } else {
             // Nothing was rejected for as long as the mean lasts.
             self.clean = T::one();
             self.rejected = T::zero();
         }
-    }
-
-    /// Returns whether at least four measurements in a row were within the gate.
-    fn is_followed(&self, share: T) -> bool {
-        self.seen && self.clean >= share * T::of(3.5)
+        [share, since]
     }
 
     /// Returns the consistency of the channel.
@@ -220,8 +261,11 @@ impl<T: Real> Watch<T> {
                 product: scalar(channel.product),
                 last: scalar(channel.last),
                 clean: scalar(channel.clean),
+                followed: channel.followed,
                 clean_sums: channel.clean_sums.map(scalar),
                 renewing: channel.renewing,
+                since: scalar(channel.since),
+                calm: channel.calm.cast(),
                 streak: channel.streak,
                 seen: channel.seen,
             }),
@@ -234,13 +278,12 @@ impl<T: Real> Watch<T> {
 
     /// Processes an innovation divided by its standard deviation, `duration` (s) after the last one.
     pub fn take(&mut self, channel: usize, normalised: T, rejected: bool, duration: T) {
-        let share = duration / T::of(WINDOW);
-        self.channels[channel].take(normalised, rejected, share);
+        self.channels[channel].take(normalised, rejected, duration);
     }
 
     /// Processes a measurement that is not finite or not plausible.
     pub fn take_unusable(&mut self, channel: usize, duration: T) {
-        self.channels[channel].take_rejection(true, duration / T::of(WINDOW));
+        self.channels[channel].take_rejection(true, duration);
     }
 
     /// Starts the statistics of a channel again, after the filter has given up what it believed of it.
@@ -272,6 +315,12 @@ impl<T: Real> Watch<T> {
     /// Passes an interval of `duration` (s); `fused` says whether attitude or angular velocity was fused, and whether
     /// the velocity or the force of the air was.
     pub fn pass(&mut self, fused: [bool; 2], duration: T) {
+        for channel in &mut self.channels {
+            // Bounded, so that it stays exact.
+            if channel.since < T::of(WINDOW) {
+                channel.since += duration;
+            }
+        }
         for (time, fused) in self.unseen.iter_mut().zip(fused) {
             if fused {
                 *time = T::zero();
@@ -320,14 +369,24 @@ impl<T: Real> Watch<T> {
         above(self.residual, RESIDUAL)
     }
 
-    /// Returns whether the filter followed a channel and is consistent, apart from a sensor that jumped.
-    pub fn is_trusted(&self, channel: usize, duration: T) -> bool {
+    /// Returns whether a channel was fused within the last second.
+    pub fn is_heard(&self, channel: usize) -> bool {
+        let channel = &self.channels[channel];
+        channel.followed > 0 && channel.since < T::of(WINDOW)
+    }
+
+    /// Returns whether the filter followed a channel.
+    pub fn follows(&self, channel: usize) -> bool {
+        self.channels[channel].followed >= FOLLOWED
+    }
+
+    /// Returns whether the filter is consistent, apart from a sensor that jumped.
+    pub fn is_trusted(&self) -> bool {
         let apart = Self {
             suspect: false,
             ..*self
         };
-        let followed = self.channels[channel].is_followed(duration / T::of(WINDOW));
-        followed && apart.consistency() == Consistency::Consistent
+        apart.consistency() == Consistency::Consistent
     }
 
     /// Returns the worst consistency of all channels and of the residual load.

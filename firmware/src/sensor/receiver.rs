@@ -1,0 +1,115 @@
+//! Whether a receiver's solutions can be believed: one that repeats itself has stopped, and one that is later than usual
+//! says so by its own time.
+
+use nalgebra::Vector3;
+
+/// Number of times that a receiver in motion may repeat a velocity, which it gives to the millimetre per second.
+const REPEATS: u8 = 2;
+/// Difference of the two clocks by which an epoch of the receiver begins (ms): its week ended, or it found the time.
+const EPOCH: i32 = 10_000;
+/// Time in which the clocks drift apart by a millisecond at most (ms): 50 ppm.
+const DRIFT: i32 = 20_000;
+
+/// What is kept of a receiver's solutions.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Receiver {
+    last: Option<Last>,
+    repeats: u8,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    velocity: Vector3<f32>,
+    time_of_week: u32,
+    /// Time of arrival less that of the receiver for the promptest solution so far, and when it was taken (ms; wrap).
+    least: i32,
+    taken: u32,
+}
+
+impl Receiver {
+    /// Whether the receiver still measures, after a solution with this velocity (m/s) on somebody who moves or does not: at
+    /// rest receivers hold their position.
+    pub(super) fn measures(&mut self, velocity: &Vector3<f32>, is_moving: bool) -> bool {
+        let is_same = (self.last).is_some_and(|last| last.velocity == *velocity) && is_moving;
+        self.repeats = if is_same {
+            self.repeats.saturating_add(1)
+        } else {
+            0
+        };
+        if let Some(last) = &mut self.last {
+            last.velocity = *velocity;
+        } else {
+            self.last = Some(Last {
+                velocity: *velocity,
+                time_of_week: 0,
+                least: 0,
+                taken: 0,
+            });
+        }
+        self.repeats < REPEATS
+    }
+
+    /// By how much longer than the promptest one a solution was on its way (s), that of the receiver's time `time_of_week`
+    /// and arrives at `now` (both ms).
+    pub(super) fn lateness(&mut self, time_of_week: u32, now: u32) -> f32 {
+        let Some(last) = &mut self.last else {
+            return 0.0;
+        };
+        let is_new = core::mem::replace(&mut last.time_of_week, time_of_week) != time_of_week;
+        let difference = now.wrapping_sub(time_of_week).cast_signed();
+        let drift = now.wrapping_sub(last.taken).cast_signed() / DRIFT;
+        let late = difference.wrapping_sub(last.least.wrapping_add(drift));
+        if !is_new {
+            return 0.0;
+        }
+        if !(0..EPOCH).contains(&late) {
+            (last.least, last.taken) = (difference, now);
+            return 0.0;
+        }
+        // Exact: below 2^24.
+        late as f32 * 1e-3
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_solution_is_as_late_as_the_receivers_own_time_says() {
+        let mut receiver = Receiver::default();
+        let mut late = |time_of_week, now| {
+            receiver.measures(&Vector3::x(), false);
+            receiver.lateness(time_of_week, now)
+        };
+        let week = 604_800_000;
+        let start = u32::MAX - 1_000;
+        for (time_of_week, after, expected) in [
+            (week - 1_000, 0, 0.0),
+            (week - 800, 230, 0.03),
+            (week - 600, 380, 0.0),
+            (week - 400, 1_080, 0.5),
+            // The next week, and a receiver that has no time.
+            (0, 1_400, 0.0),
+            (200, 2_100, 0.5),
+            (200, 2_300, 0.0),
+        ] {
+            let found = late(time_of_week, start.wrapping_add(after));
+            assert!((found - expected).abs() < 1e-6, "{after}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_receiver_that_repeats_its_velocity_in_flight_has_stopped() {
+        let mut receiver = Receiver::default();
+        let falling = Vector3::new(3.0, 1.0, -50.0);
+        let heard = [falling; 4].map(|velocity| receiver.measures(&velocity, true));
+        assert_eq!(heard, [true, true, false, false]);
+        assert!(receiver.measures(&Vector3::x(), true));
+        assert!(
+            [Vector3::zeros(); 9]
+                .iter()
+                .all(|still| receiver.measures(still, false))
+        );
+    }
+}
