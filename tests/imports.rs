@@ -28,8 +28,8 @@ use bodyflight_mvnx::xsens;
 use bodyflight_tests::program::{plain, text, written};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use markers::{nexus, points, points_mapping, trc};
 use known::{PROGRAM, RETURNS, acrobatics, imported, known, largest, turned};
+use markers::{nexus, points, points_mapping, trc};
 
 /// CSV rows with the quaternions of all segments that `of` returns for each frame, with a column for each component in
 /// `parts`.

@@ -177,7 +177,15 @@ fn import_is_not_silent_about_any_kind_of_nonsense() {
         let kind = kind(name).expect("a kind");
         fs::write(&table, imports::table(&recorded, kind)).expect("written");
         let arguments = [
-            "import", &table, "--mapping", &map, "--subject", &subject, "--out", &out, "--force",
+            "import",
+            &table,
+            "--mapping",
+            &map,
+            "--subject",
+            &subject,
+            "--out",
+            &out,
+            "--force",
         ];
         let (said, ended) = bodyflight(&arguments);
         if ended != code.parse().ok() || !said.contains(sentence) {

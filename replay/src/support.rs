@@ -85,9 +85,8 @@ impl Support {
     }
 
     fn pulls(&self) -> Option<Warning> {
-        let (frame, begin, falls_with) = self
-            .first_pulled
-            .filter(|_| self.pulled >= LEAST_PULLED)?;
+        let (frame, begin, falls_with) =
+            self.first_pulled.filter(|_| self.pulled >= LEAST_PULLED)?;
         Some(Warning {
             frame,
             message: format!(

@@ -100,7 +100,10 @@ pub(super) fn numbers(input: &[u8]) {
     assert!(frames.is_err() || frames.is_ok_and(|frames| frames.iter().all(is_usable)));
     for warning in recording.warnings() {
         let message = warning.message;
-        assert!(!message.contains("NaN") && !message.contains("inf "), "{message}");
+        assert!(
+            !message.contains("NaN") && !message.contains("inf "),
+            "{message}"
+        );
         let [from, to] = warning.span_s.unwrap_or_default();
         assert!(from <= to, "{message}");
     }

@@ -82,7 +82,7 @@ fn rewritten(frames: &[FlightFrame]) -> Option<Vec<u8>> {
         comment: String::new(),
         origin: Origin::Simulated,
     };
-    static BODY: OnceLock<Body> = OnceLock::new();
+    static BODY: OnceLock<Body<f64>> = OnceLock::new();
     let body = BODY.get_or_init(|| Subject::default().body());
     let mut writer = Writer::new(Vec::new(), NAME.as_ref(), description, body).ok()?;
     let first = frames.first()?;

@@ -59,7 +59,10 @@ fn a_frozen_channel_of_a_joint_is_doubted() {
     }
     let file = written(folder.path(), "frozen.bvh", &text);
     let found = doubted(folder.path(), &[&file]);
-    says(&found, "the joint of r_forearm keeps exactly the same angle from 0.4");
+    says(
+        &found,
+        "the joint of r_forearm keeps exactly the same angle from 0.4",
+    );
 }
 
 #[test]

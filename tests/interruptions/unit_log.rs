@@ -49,12 +49,16 @@ fn log(folder: &Path) -> Log {
         text.lines().map(str::to_owned).collect::<Vec<_>>()
     };
     let recording = lines("flight.mvnx");
-    let normal = recording.iter().position(|line| line.contains("\"normal\""));
+    let normal = recording
+        .iter()
+        .position(|line| line.contains("\"normal\""));
     let frames = recording.into_iter().skip(normal.unwrap_or(usize::MAX));
     let estimates = lines("estimates.csv");
     assert!(!folder.join("log/2").exists(), "there was one flight");
     Log {
-        frames: frames.filter(|line| line.contains("<orientation>")).collect(),
+        frames: frames
+            .filter(|line| line.contains("<orientation>"))
+            .collect(),
         estimates: estimates.into_iter().skip(1).collect(),
         is_damaged: code == Some(4),
     }
@@ -73,7 +77,14 @@ fn a_killed_unit_leaves_a_log_that_is_whole_up_to_the_cut() {
     let folder = place.path();
     run(folder, &["hide", "clean", "--duration", "4", "--out", "."]);
     let fly = |port: &str| {
-        let arguments = ["stream", "flight-0/flight.toml", "--port", port, "--speed", "max"];
+        let arguments = [
+            "stream",
+            "flight-0/flight.toml",
+            "--port",
+            port,
+            "--speed",
+            "max",
+        ];
         start(folder, &arguments)
     };
     let begin = Instant::now();
@@ -102,7 +113,9 @@ fn a_killed_unit_leaves_a_log_that_is_whole_up_to_the_cut() {
         std::thread::sleep(cut.saturating_duration_since(Instant::now()));
         end(child);
         end(stream);
-        let size = std::fs::metadata(folder.join("flash")).expect("the memory").len();
+        let size = std::fs::metadata(folder.join("flash"))
+            .expect("the memory")
+            .len();
         assert_eq!(size, MEMORY);
         let found = log(folder);
         assert!(

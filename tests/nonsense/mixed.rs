@@ -43,7 +43,11 @@ fn turned(all: &[Frame], frame: &mut Frame, by: UnitQuaternion<f64>) {
     for place in &mut frame.position {
         *place = origin + by * (*place - origin);
     }
-    for vectors in [&mut frame.velocity, &mut frame.acceleration, &mut frame.rate] {
+    for vectors in [
+        &mut frame.velocity,
+        &mut frame.acceleration,
+        &mut frame.rate,
+    ] {
         vectors.iter_mut().for_each(|vector| *vector = by * *vector);
     }
     for q in &mut frame.orientation {
@@ -72,7 +76,8 @@ fn timed(frame: &mut Frame, change: impl Fn(f64) -> f64) {
 
 /// The forearm keeps its angle to the upper arm, and hangs together with it.
 fn stiff(frame: &mut Frame, all: &[Frame], from: usize) {
-    let [upper, fore] = [RIGHT_UPPER_ARM, RIGHT_FOREARM].map(|at| rotation(all[from].orientation[at]));
+    let [upper, fore] =
+        [RIGHT_UPPER_ARM, RIGHT_FOREARM].map(|at| rotation(all[from].orientation[at]));
     let own = rotation(frame.orientation[RIGHT_FOREARM]);
     let turned = rotation(frame.orientation[RIGHT_UPPER_ARM]) * upper.inverse() * fore;
     let elbow = frame.position[RIGHT_FOREARM];
@@ -95,7 +100,9 @@ pub(super) const MIXED: [Kind; 36] = [
             stiff(f, all, 960);
         }
     }),
-    kept("half a second missing", |index| !(1000..1120).contains(&index)),
+    kept("half a second missing", |index| {
+        !(1000..1120).contains(&index)
+    }),
     frames("half a second cut out", |index, all, f| {
         if index >= 1000 {
             becomes(f, &all[(index + 120).min(all.len() - 1)]);
@@ -144,7 +151,9 @@ pub(super) const MIXED: [Kind; 36] = [
         for vectors in [&mut f.position, &mut f.velocity, &mut f.acceleration] {
             vectors.iter_mut().for_each(|v| v.y = -v.y);
         }
-        f.rate.iter_mut().for_each(|v| *v = Vector3::new(-v.x, v.y, -v.z));
+        f.rate
+            .iter_mut()
+            .for_each(|v| *v = Vector3::new(-v.x, v.y, -v.z));
         f.orientation
             .iter_mut()
             .for_each(|q| *q = [q[0], -q[1], q[2], -q[3]]);
@@ -167,10 +176,18 @@ pub(super) const MIXED: [Kind; 36] = [
         path(all, f, |v| Vector3::new(v.x, v.y, -v.z));
     }),
     frames("path in feet", |_, all, f| path(all, f, |v| 3.280_84 * v)),
-    frames("path in millimetres", |_, all, f| path(all, f, |v| 1000.0 * v)),
-    frames("path in kilometres", |_, all, f| path(all, f, |v| 0.001 * v)),
-    frames("velocities in mm/s", |_, _, f| scale(&mut f.velocity, 1000.0)),
-    frames("accelerations in mm/s2", |_, _, f| scale(&mut f.acceleration, 1000.0)),
+    frames("path in millimetres", |_, all, f| {
+        path(all, f, |v| 1000.0 * v)
+    }),
+    frames("path in kilometres", |_, all, f| {
+        path(all, f, |v| 0.001 * v)
+    }),
+    frames("velocities in mm/s", |_, _, f| {
+        scale(&mut f.velocity, 1000.0)
+    }),
+    frames("accelerations in mm/s2", |_, _, f| {
+        scale(&mut f.acceleration, 1000.0)
+    }),
     frames("posture 0.3 s late", |index, all, f| {
         let late = before(index, all);
         let turn = rotation(f.orientation[0]) * rotation(late.orientation[0]).inverse();
@@ -189,8 +206,12 @@ pub(super) const MIXED: [Kind; 36] = [
     frames("rates of an arm empty", |_, _, f| {
         scale(&mut f.rate[LEFT_ARM], 0.0)
     }),
-    frames("rates of an arm in degrees", |_, _, f| scale(&mut f.rate[LEFT_ARM], 57.295_78)),
-    frames("velocities of an arm empty", |_, _, f| scale(&mut f.velocity[LEFT_ARM], 0.0)),
+    frames("rates of an arm in degrees", |_, _, f| {
+        scale(&mut f.rate[LEFT_ARM], 57.295_78)
+    }),
+    frames("velocities of an arm empty", |_, _, f| {
+        scale(&mut f.velocity[LEFT_ARM], 0.0)
+    }),
     frames("two persons by turns", |index, all, f| {
         if index % 2 == 1 {
             becomes(f, &all[(index + 700) % all.len()]);
@@ -206,9 +227,16 @@ pub(super) const MIXED: [Kind; 36] = [
             f.velocity.iter_mut().for_each(|v| *v += moves - moved);
         }
     }),
-    frames("in an aircraft", |index, all, f| super::kinds::at_rest(index, all, f, super::kinds::upright(all), 50.0)),
+    frames("in an aircraft", |index, all, f| {
+        super::kinds::at_rest(index, all, f, super::kinds::upright(all), 50.0)
+    }),
     frames("every second frame left out", |index, all, f| {
         becomes(f, &all[(2 * index).min(all.len() - 1)]);
     }),
-    edited("mass in pounds", "subject.toml", "mass_kg = 75.0", "mass_kg = 165"),
+    edited(
+        "mass in pounds",
+        "subject.toml",
+        "mass_kg = 75.0",
+        "mass_kg = 165",
+    ),
 ];

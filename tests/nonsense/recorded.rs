@@ -159,7 +159,11 @@ pub(super) fn decimal(number: f64, text: &mut String) {
         let _ = write!(text, "{number:.6} ");
         return;
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 10^15")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "below 10^15"
+    )]
     let millionths = millionths.round() as u64;
     let sign = if number < 0.0 { "-" } else { "" };
     let (whole, rest) = (millionths / 1_000_000, millionths % 1_000_000);

@@ -142,8 +142,12 @@ impl Slip {
 impl Report {
     /// Why results from the flight cannot be trusted, `None` if nothing contradicts it.
     pub fn doubt(&self) -> Option<String> {
-        (!self.doubts.is_empty())
-            .then(|| format!("the recording cannot be trusted: {}", self.doubts.join("; ")))
+        (!self.doubts.is_empty()).then(|| {
+            format!(
+                "the recording cannot be trusted: {}",
+                self.doubts.join("; ")
+            )
+        })
     }
 
     /// The slips as faults of the recording that was written.
@@ -242,7 +246,10 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
     let verdict = if doubts.is_empty() {
         format!("nothing contradicts it; the body {does} for most of the time")
     } else {
-        format!("doubtful: the body {does} for most of the time; {}", doubts.join("; "))
+        format!(
+            "doubtful: the body {does} for most of the time; {}",
+            doubts.join("; ")
+        )
     };
     let last = source.timing.indices.last().copied().unwrap_or(0);
     Ok(Report {
@@ -279,8 +286,8 @@ struct Seen {
 }
 
 fn seen(request: &Request<'_>, recording: &Path, body: &Body<f64>) -> Result<Seen> {
-    let mut frames = Frames::open(recording, None, Options::default())?
-        .of_person(body, request.has_subject);
+    let mut frames =
+        Frames::open(recording, None, Options::default())?.of_person(body, request.has_subject);
     let mut activities = Activities::default();
     let mut picture = None;
     for frame in frames.by_ref() {

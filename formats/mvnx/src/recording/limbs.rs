@@ -150,9 +150,7 @@ impl Limbs {
 
     fn jumps(&self, parts: &SegmentArray<Part>) -> Vec<Warning> {
         let jumping = parts.iter().filter_map(|(segment, part)| {
-            let jump = part
-                .jump
-                .filter(|_| SELDOM * part.jumps < self.frames)?;
+            let jump = part.jump.filter(|_| SELDOM * part.jumps < self.frames)?;
             Some((segment, part.jumps, jump))
         });
         // One sentence for all that jump together, by the first of them.
@@ -186,7 +184,8 @@ impl Part {
         let (from, to) = (before.attitudes[segment], here.attitudes[segment]);
         let (old, new) = (before.moving[segment], here.moving[segment]);
         let pelvis = [before, here].map(|of| of.attitudes[Segment::Pelvis]);
-        let half = |a: Option<Vector3<f64>>, b: Option<Vector3<f64>>| Some(0.5 * (a? + b?) * duration);
+        let half =
+            |a: Option<Vector3<f64>>, b: Option<Vector3<f64>>| Some(0.5 * (a? + b?) * duration);
         let turn = (to * from.inverse()).scaled_axis();
         let by_rate = half(old.angular_velocity, new.angular_velocity);
         if let Some(expected) = by_rate.or(self.last_turn)
@@ -194,7 +193,8 @@ impl Part {
             && (turn - expected).norm() > JUMPS
         {
             self.jumps += 1;
-            self.jump.get_or_insert((here.index, here.time, turn.norm()));
+            self.jump
+                .get_or_insert((here.index, here.time, turn.norm()));
         }
         self.last_turn = Some(turn);
         let piece = self.piece.get_or_insert(Piece {
@@ -265,7 +265,9 @@ impl Part {
         let [by_positions, by_velocities] = self.paths;
         let longest = by_positions.max(by_velocities);
         ((by_velocities - by_positions).abs() > APART * longest && longest > PATH).then(|| {
-            format!("a path of {by_positions:.1} m by positions, {by_velocities:.1} m by velocities")
+            format!(
+                "a path of {by_positions:.1} m by positions, {by_velocities:.1} m by velocities"
+            )
         })
     }
 }
@@ -341,7 +343,9 @@ mod tests {
     #[test]
     fn a_limb_whose_velocities_are_of_another_motion_is_named() {
         let limb = Segment::LeftForearm;
-        let empty = spoiled(limb, |_, moving| moving.angular_velocity = Some(Vector3::zeros()));
+        let empty = spoiled(limb, |_, moving| {
+            moving.angular_velocity = Some(Vector3::zeros())
+        });
         assert!(empty.contains("they are empty"), "{empty}");
         let degrees = spoiled(limb, |_, moving| {
             moving.angular_velocity = moving.angular_velocity.map(|rate| rate * 57.3);

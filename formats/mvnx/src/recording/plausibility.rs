@@ -121,7 +121,10 @@ impl Plausibility {
         };
         let (last, here) = (of(before), of(frame));
         let moved = changes(&last, &here);
-        let moving = moved.values().filter(|change| **change > SAME_JOINT).count();
+        let moving = moved
+            .values()
+            .filter(|change| **change > SAME_JOINT)
+            .count();
         let joints = self.joints.get_or_insert_with(|| {
             last.map(|_, kept| Joint {
                 kept: *kept,
@@ -143,7 +146,10 @@ impl Plausibility {
             }
             let run = joint.still.get_or_insert_with(|| Run::new(before));
             run.last = frame.time;
-            if joint.longest.is_none_or(|longest| run.length() > longest.length()) {
+            if joint
+                .longest
+                .is_none_or(|longest| run.length() > longest.length())
+            {
                 joint.longest = Some(*run);
                 joint.angle = angle;
             }

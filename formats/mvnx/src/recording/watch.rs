@@ -3,8 +3,8 @@
 //! Attitudes and angular velocities are redundant, and so are positions and velocities. If they disagree, a unit, an
 //! order or an axis differs from the format, and a simulation would be silently wrong.
 
-use bodyflight_core::{Segment, SegmentArray};
 use bodyflight_core::frame::{Inertial, Vector};
+use bodyflight_core::{Segment, SegmentArray};
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::agreement::Agreement;
