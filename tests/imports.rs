@@ -7,8 +7,12 @@ mod acclaim;
 mod bvh;
 #[path = "imports/c3d.rs"]
 mod c3d;
+#[path = "imports/doubts.rs"]
+mod doubts;
 #[path = "imports/known.rs"]
 mod known;
+#[path = "imports/markers.rs"]
+mod markers;
 #[path = "imports/sensors.rs"]
 mod sensors;
 #[path = "imports/slips.rs"]
@@ -18,15 +22,14 @@ mod systems;
 
 use std::fmt::Write;
 
-use bodyflight_core::body::posture::pose;
 use bodyflight_core::{Segment, SegmentArray};
 use bodyflight_mvnx::recording::FlightFrame;
 use bodyflight_mvnx::xsens;
-use bodyflight_replay::subject::Subject;
 use bodyflight_tests::program::{plain, text, written};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use known::{PROGRAM, RETURNS, acrobatics, imported, known, largest, turned};
+use markers::{nexus, points, points_mapping, trc};
 
 /// CSV rows with the quaternions of all segments that `of` returns for each frame, with a column for each component in
 /// `parts`.
@@ -128,88 +131,14 @@ fn a_flight_survives_quaternions_of_either_handedness_and_order() {
     assert!(largest(&angles) < RETURNS, "{angles:?}");
 }
 
-/// Names of the points at both ends of each segment and of one to its left, and their positions in each frame (mm).
-fn points() -> (Vec<String>, Vec<Vec<[f64; 3]>>) {
-    let names = Segment::ALL.into_iter().flat_map(|segment| {
-        ["from", "to", "left"].map(|point| format!("{}.{point}", segment.name()))
-    });
-    let body = Subject::default().body();
-    let frames = known().into_iter().map(|frame| {
-        let posed = pose(&body, &frame.posture);
-        let attitude = *frame.pelvis.inertial_from_body.quaternion();
-        let of = |segment: Segment| {
-            let to = match segment {
-                Segment::Pelvis | Segment::Abdomen | Segment::Thorax | Segment::Head => {
-                    Vector3::z()
-                }
-                Segment::LeftFoot | Segment::RightFoot => -Vector3::y(),
-                _ => -Vector3::z(),
-            };
-            // The position of the left point along the segment does not matter.
-            let left = Vector3::x() * 0.1 + to * 0.03;
-            [Vector3::zeros(), to * 0.4, left].map(|way| {
-                let in_body = posed[segment].joint + posed[segment].body_from_segment * way;
-                let place = frame.pelvis.position.components + attitude * in_body;
-                (place * 1000.0).into()
-            })
-        };
-        Segment::ALL.into_iter().flat_map(of).collect()
-    });
-    (names.collect(), frames.collect())
-}
-
-/// The points as Vicon Nexus exports them.
-fn nexus(names: &[String], frames: &[Vec<[f64; 3]>]) -> String {
-    let mut text = "Trajectories\n200\n,".to_owned();
-    for name in names {
-        let _ = write!(text, ",Athlete:{name},,");
-    }
-    let each = |cell: &str| cell.repeat(3 * names.len());
-    let axes = ",X,Y,Z".repeat(names.len());
-    let _ = writeln!(text, "\nFrame,Sub Frame{axes}\n,{}", each(",mm"));
-    for (k, frame) in frames.iter().enumerate() {
-        let _ = write!(text, "{},0", 101 + k);
-        for [x, y, z] in frame {
-            let _ = write!(text, ",{x:.3},{y:.3},{z:.3}");
-        }
-        text.push('\n');
-    }
-    text
-}
-
 #[test]
 fn a_flight_survives_conversion_to_points() {
     let folder = tempfile::tempdir().expect("a folder");
     let (names, frames) = points();
-    let mut table = format!(
-        "PathFileType\t4\t(X/Y/Z)\tjump.trc\nDataRate\tNumFrames\tNumMarkers\tUnits\n200\t{}\t{}\tmm\nFrame#\tTime",
-        frames.len(),
-        names.len()
-    );
-    for name in &names {
-        let _ = write!(table, "\t{name}\t\t");
-    }
-    table.push_str("\n\t\tX1\tY1\tZ1\n");
-    for (k, frame) in frames.iter().enumerate() {
-        let _ = write!(table, "{}\t{:.3}", k + 1, k as f64 * 0.005);
-        for [x, y, z] in frame {
-            let _ = write!(table, "\t{x:.2}\t{y:.2}\t{z:.2}");
-        }
-        table.push('\n');
-    }
-    let trc = written(folder.path(), "jump.trc", &table);
+    let trc = written(folder.path(), "jump.trc", &trc(&names, &frames));
     let c3d = folder.path().join("jump.c3d");
     std::fs::write(&c3d, c3d::written(&names, &frames)).expect("written");
-    let mut map = "kind = \"points\"\n[world]\naxes = [\"north\", \"west\", \"up\"]\n[time]\ncolumn = \"Time\"\n".to_owned();
-    for segment in Segment::ALL {
-        let name = segment.name();
-        let _ = write!(
-            map,
-            "[segments.{name}]\nfrom = \"{name}.from\"\nto = [\"{name}.to\"]\n"
-        );
-        let _ = writeln!(map, "left = [\"{name}.from\", \"{name}.left\"]");
-    }
-    let map = written(folder.path(), "points.toml", &map);
+    let map = points_mapping(folder.path());
     let nexus = written(folder.path(), "jump.csv", &nexus(&names, &frames));
     for file in [trc.as_str(), plain(&c3d), &nexus] {
         let (angles, places) = imported(folder.path(), &[file, "--mapping", &map]);

@@ -3,6 +3,9 @@
 #![cfg(unix)]
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
+#[path = "interruptions/unit_log.rs"]
+mod unit_log;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};

@@ -91,7 +91,9 @@ pub fn checked(samples: &[Sample], given: Given) -> Checked {
         let is_possible = gravity::checked(&mut samples, &mut findings);
         motion.is_doubted = vertical == Vertical::Doubted || !is_possible || !is_timed;
         is_derived = vertical == Vertical::Derived;
-        motion.moved = against_time(&mut samples, given.places, &mut findings);
+        let (moved, is_one_track) = against_time(&mut samples, given.places, &mut findings);
+        motion.moved = moved;
+        motion.is_doubted |= !is_one_track;
     }
     if is_derived {
         motion.averaged = derived::averaged(&samples);
@@ -104,8 +106,12 @@ pub fn checked(samples: &[Sample], given: Given) -> Checked {
 }
 
 /// Finds channels that jump, are late or drift, as far as the units are right. Returns the uncertainty of times after that
-/// (s).
-fn against_time(samples: &mut [Sample], has_places: bool, findings: &mut Vec<Finding>) -> f64 {
+/// (s), and whether the heights can be those of one track.
+fn against_time(
+    samples: &mut [Sample],
+    has_places: bool,
+    findings: &mut Vec<Finding>,
+) -> (f64, bool) {
     let is_wrong = |of: Channel, findings: &[Finding]| {
         findings
             .iter()
@@ -113,16 +119,16 @@ fn against_time(samples: &mut [Sample], has_places: bool, findings: &mut Vec<Fin
     };
     let vertical = [Channel::Height, Channel::VerticalVelocity];
     let horizontal = [Channel::Position, Channel::HorizontalVelocity];
-    let mut moved = false;
+    let (mut moved, mut is_one_track) = (false, true);
     if !vertical.iter().any(|of| is_wrong(*of, findings)) {
-        step::checked(samples, findings);
+        is_one_track = step::checked(samples, findings);
         moved |= late::checked(samples, &[2], vertical, findings);
         drift::checked(samples, has_places, findings);
     }
     if has_places && !horizontal.iter().any(|of| is_wrong(*of, findings)) {
         moved |= late::checked(samples, &[0, 1], horizontal, findings);
     }
-    if moved { late::UNCERTAIN } else { 0.0 }
+    (if moved { late::UNCERTAIN } else { 0.0 }, is_one_track)
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@ pub struct Frames {
     recording: Recording<Input>,
     alignment: Option<Alignment>,
     /// What the recording says against the person of the flight.
-    other_person: Option<Warning>,
+    other_person: Vec<Warning>,
     support: Support,
     /// Times of the first and the last row of the known inputs (s), if there are several.
     inputs: Option<[f64; 2]>,
@@ -50,7 +50,7 @@ impl Frames {
         Ok(Self {
             recording: frames,
             alignment,
-            other_person: None,
+            other_person: Vec::new(),
             support: Support::default(),
             inputs: None,
             read: None,
@@ -104,6 +104,16 @@ impl Frames {
         Some(Warning::new(frame, message))
     }
 
+    /// What contradicts a fall: a body that something carries, or that falls faster than gravity lets it.
+    pub fn of_fall(&self) -> Vec<Warning> {
+        self.support.warnings()
+    }
+
+    /// What is implausible about the person.
+    pub fn of_subject(&self) -> &[Warning] {
+        &self.other_person
+    }
+
     /// Whatever is implausible in the recording itself, see [`Recording::warnings`].
     pub fn of_recording(&self) -> Vec<Warning> {
         self.recording.warnings()
@@ -129,7 +139,7 @@ impl Frames {
     pub fn warnings(&self) -> Vec<Warning> {
         let mut warnings = self.recording.warnings();
         warnings.extend(self.other_person.clone());
-        warnings.extend(self.support.warning());
+        warnings.extend(self.support.warnings());
         warnings.extend(self.uncovered());
         warnings
     }

@@ -28,21 +28,42 @@ fn limbs(header: &Header, body: &Body<f64>) -> Option<f64> {
     (recorded > 0.0 && modelled > 0.0).then(|| recorded / modelled)
 }
 
-/// A warning if a recording is not of that body; a contradiction only if the body is `stated` rather than assumed.
-pub fn compared(header: &Header, body: &Body<f64>, stated: bool) -> Option<Warning> {
-    let ratio = limbs(header, body).filter(|ratio| (ratio - 1.0).abs() > APART)?;
-    let whose = if stated {
-        "the subject's"
-    } else {
-        "those of the assumed person; name a subject.toml"
-    };
-    Some(Warning {
+/// Body mass index with equipment (kg/m2) outside of which a mass is probably in another unit.
+const INDICES: core::ops::Range<f64> = 14.0..48.0;
+/// Ratio of stature and thigh.
+const STATURE: f64 = 4.21;
+
+/// What is implausible about a person: limbs of other lengths than in the recording, which contradicts only if the body is
+/// `stated` rather than assumed, and a mass that does not go with them.
+pub fn compared(header: &Header, body: &Body<f64>, stated: bool) -> Vec<Warning> {
+    let remark = |message: String, is_fault: bool| Warning {
         frame: 0,
-        message: format!(
-            "the limbs of the recorded person are {ratio:.2} times as long as {whose}"
-        ),
+        message,
         segment: None,
         span_s: None,
-        is_fault: stated,
-    })
+        is_fault,
+    };
+    let ratio = limbs(header, body).filter(|ratio| (ratio - 1.0).abs() > APART);
+    let other = ratio.map(|ratio| {
+        let whose = if stated {
+            "the subject's"
+        } else {
+            "those of the assumed person; name a subject.toml"
+        };
+        let message =
+            format!("the limbs of the recorded person are {ratio:.2} times as long as {whose}");
+        remark(message, stated)
+    });
+    let stature = STATURE * body.segments[Segment::LeftThigh].length;
+    let index = body.mass() / (stature * stature);
+    let unlikely = (stated && !INDICES.contains(&index)).then(|| {
+        let message = format!(
+            "the subject has {:.0} kg with equipment at about {stature:.2} m, a body mass index of {index:.0}; expected {} to {}: is the mass in kg?",
+            body.mass(),
+            INDICES.start,
+            INDICES.end
+        );
+        remark(message, false)
+    });
+    other.into_iter().chain(unlikely).collect()
 }

@@ -15,8 +15,9 @@ use bodyflight_verbs::fall::{Conditions, fall};
 /// A folder that does not exist, so that inputs cannot name a file on this machine.
 pub(super) const NOWHERE: &str = "/nowhere/of/fuzz";
 
-/// Longest track (samples) that is also analysed, which is slower than reading.
-const LONGEST_JUDGED: usize = 2000;
+/// Longest track (samples) that is also analysed, which is a hundred times slower than reading: the target `jump` is for
+/// that.
+const LONGEST_JUDGED: usize = 40;
 
 /// Reads a FlySight track.
 pub(super) fn flysight(input: &[u8]) {
@@ -28,13 +29,13 @@ pub(super) fn flysight(input: &[u8]) {
             assert!(fix.position.is_finite() && fix.velocity.is_finite());
         }
     }
-    judged(input, &path);
+    judged(input, &path, LONGEST_JUDGED);
 }
 
 /// Reads any track accepted by `bodyflight fall`, and a history of inputs.
 pub(super) fn csv(input: &[u8]) {
     let path = Path::new(NOWHERE).join("track.csv");
-    judged(input, &path);
+    judged(input, &path, LONGEST_JUDGED);
     if let Ok(history) = InputHistory::parse(input, &path) {
         for time in [-1e9, 0.0, 0.5, 1e9] {
             let damping = history.at(time).damping.to_array();
@@ -43,13 +44,14 @@ pub(super) fn csv(input: &[u8]) {
     }
 }
 
-pub(super) fn judged(input: &[u8], path: &Path) {
+/// Reads a track, and analyses it unless it has more than `longest` samples.
+pub(super) fn judged(input: &[u8], path: &Path, longest: usize) {
     let Ok(track) = track::parse(input, path) else {
         return;
     };
     assert!(track.samples.len() >= 2);
     assert!(track.samples.is_sorted_by(|a, b| a.time < b.time));
-    if track.samples.len() <= LONGEST_JUDGED
+    if track.samples.len() <= longest
         && let Ok((report, _)) = fall(&track, &Conditions::default(), path)
     {
         let shown = report.steady_drag().unwrap_or_default();

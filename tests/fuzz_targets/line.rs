@@ -1,6 +1,7 @@
 //! The serial lines of the unit and its sensor.
 
 use std::cell::Cell;
+use std::sync::OnceLock;
 
 use bodyflight_core::aerodynamics::Aerodynamics;
 use bodyflight_core::body::anthropometry::{Person, Sex};
@@ -63,7 +64,7 @@ pub(super) fn xbus(input: &[u8]) {
 }
 
 /// Most samples per input that reach the filter, which is the slow part.
-const MOST_SAMPLES: u32 = 48;
+const MOST_SAMPLES: u32 = 16;
 
 /// The unit in virtual time: commands in any order, frames and samples damaged as the input chooses, noise in between.
 /// In all cases its frames are whole, its estimates finite, and its queue within its capacity.
@@ -95,7 +96,12 @@ pub(super) struct Host {
 
 impl Host {
     pub(super) fn new() -> Self {
-        let body = Person::new(1.75, 75.0, Sex::Male).body().expect("a body");
+        // The same for every input.
+        static TABLE: OnceLock<SegmentTable> = OnceLock::new();
+        let table = TABLE.get_or_init(|| {
+            let body = Person::new(1.75, 75.0, Sex::Male).body().expect("a body");
+            SegmentTable::of(&body, &Aerodynamics::paper())
+        });
         let belly = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.5);
         let seen = link::Motion {
             angular_velocity: Some(Vector::zero()),
@@ -104,7 +110,7 @@ impl Host {
         };
         Self {
             unit: Unit::new(Bench::default(), Identity::default()),
-            table: SegmentTable::of(&body, &Aerodynamics::paper()),
+            table: *table,
             sample: Sample::new(
                 &pattern::neutral(),
                 &Rotation::from_quaternion(belly),

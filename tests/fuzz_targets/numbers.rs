@@ -1,12 +1,17 @@
 //! A recording in order by its form, with numbers that contradict each other.
 
+use core::fmt::Write;
+use std::path::Path;
 use std::sync::OnceLock;
 
-use super::choices::Choices;
-use crate::small_recording::{element, survey, written};
+use bodyflight_mvnx::recording::{Options, Recording};
 
-/// Number of frames of the recording.
-const FRAMES: usize = 24;
+use super::choices::Choices;
+use crate::small_recording::{NAME, element, is_usable, survey, written};
+
+/// Number of frames of the recording, at a rate at which they are long enough to be judged.
+const FRAMES: usize = 12;
+const RATE: [&str; 2] = ["frameRate=\"240\"", "frameRate=\"20\""];
 
 /// Most edits of one input.
 const MOST_EDITS: usize = 6;
@@ -18,14 +23,16 @@ const ELEMENTS: [&str; 4] = ["orientation", "position", "velocity", "angularVelo
 struct Numbers {
     /// Text before each element, in order; the rest of the file is last.
     between: Vec<String>,
-    /// Numbers of each element, in the same order.
+    /// Numbers of each element, in the same order, and their text.
     values: Vec<Vec<f64>>,
+    texts: Vec<String>,
 }
 
 fn small() -> &'static Numbers {
     static SMALL: OnceLock<Numbers> = OnceLock::new();
     SMALL.get_or_init(|| {
-        let text = written(FRAMES as u64);
+        let text = written(FRAMES as u64).replacen(RATE[0], RATE[1], 1);
+        assert!(text.contains(RATE[1]));
         let mut found: Vec<(usize, &str)> = Vec::new();
         for frame in 0..FRAMES {
             for name in ELEMENTS {
@@ -34,22 +41,27 @@ fn small() -> &'static Numbers {
             }
         }
         found.sort_unstable();
-        let (mut between, mut values, mut end) = (Vec::new(), Vec::new(), 0);
+        let (mut between, mut values, mut texts, mut end) = (Vec::new(), Vec::new(), Vec::new(), 0);
         for (begin, numbers) in found {
             between.push(text[end..begin].to_owned());
             let parsed = numbers
                 .split_whitespace()
                 .map(|n| n.parse().expect("a number"));
             values.push(parsed.collect());
+            texts.push(numbers.to_owned());
             end = begin + numbers.len();
         }
         between.push(text[end..].to_owned());
-        Numbers { between, values }
+        Numbers {
+            between,
+            values,
+            texts,
+        }
     })
 }
 
 /// Edits: which element, over which frames and which of its numbers, and what becomes of them. The recording is refused,
-/// or described in finite numbers.
+/// or described and doubted in finite numbers.
 pub(super) fn numbers(input: &[u8]) {
     let small = small();
     let mut values = small.values.clone();
@@ -61,20 +73,39 @@ pub(super) fn numbers(input: &[u8]) {
         edit(&mut values, &mut choices);
     }
     let mut text = small.between[0].clone();
-    for (numbers, after) in values.iter().zip(&small.between[1..]) {
-        for number in numbers {
-            text += &format!("{number} ");
+    for (place, numbers) in values.iter().enumerate() {
+        // Most elements are as they were.
+        if *numbers == small.values[place] {
+            text += &small.texts[place];
+        } else {
+            for number in numbers {
+                let _ = write!(text, "{number} ");
+            }
         }
-        text += after;
+        text += &small.between[place + 1];
     }
     if let Ok(report) = survey(text.as_bytes()) {
-        assert!(!report.to_string().is_empty());
         assert!(report.duration_s.is_finite() && report.frame_rate_hz >= 1.0);
         let json = serde_json::to_string(&report).expect("JSON");
         assert!(
             !json.contains("null,null"),
             "a number that is not finite: {json}"
         );
+    }
+    let Ok(mut recording) = Recording::new(text.as_bytes(), Path::new(NAME), Options::default())
+    else {
+        return;
+    };
+    let frames: Result<Vec<_>, _> = recording.by_ref().collect();
+    assert!(frames.is_err() || frames.is_ok_and(|frames| frames.iter().all(is_usable)));
+    for warning in recording.warnings() {
+        let message = warning.message;
+        assert!(
+            !message.contains("NaN") && !message.contains("inf "),
+            "{message}"
+        );
+        let [from, to] = warning.span_s.unwrap_or_default();
+        assert!(from <= to, "{message}");
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::sync::OnceLock;
 
+use bodyflight_core::Body;
 use bodyflight_mvnx::recording::{BadFrames, FlightFrame, Options};
 use bodyflight_mvnx::writer::{Description, Origin, Writer};
 use bodyflight_replay::subject::Subject;
@@ -10,7 +11,7 @@ use super::choices::Choices;
 use crate::small_recording::{NAME, is_usable, read_as, survey, written};
 
 /// Longest input that is read (bytes): longer ones are slow and find nothing new.
-const LONGEST: usize = 48 << 10;
+const LONGEST: usize = 24 << 10;
 
 /// Largest number of edits of the small recording.
 const MOST_EDITS: usize = 8;
@@ -81,8 +82,9 @@ fn rewritten(frames: &[FlightFrame]) -> Option<Vec<u8>> {
         comment: String::new(),
         origin: Origin::Simulated,
     };
-    let body = Subject::default().body();
-    let mut writer = Writer::new(Vec::new(), NAME.as_ref(), description, &body).ok()?;
+    static BODY: OnceLock<Body<f64>> = OnceLock::new();
+    let body = BODY.get_or_init(|| Subject::default().body());
+    let mut writer = Writer::new(Vec::new(), NAME.as_ref(), description, body).ok()?;
     let first = frames.first()?;
     for (index, frame) in (first.index..).zip(frames) {
         // Gaps would be bridged, which would add frames that were not written.

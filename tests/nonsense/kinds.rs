@@ -1,38 +1,16 @@
 //! Kinds of nonsense, as changes of a good recording.
 
-use std::fs;
-use std::path::Path;
-
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-/// Elements of a frame.
-const ELEMENTS: [&str; 5] = [
-    "orientation",
-    "position",
-    "velocity",
-    "acceleration",
-    "angularVelocity",
-];
-/// Frames that are read, enough for every change and every check.
-const FRAMES: usize = 2000;
+use super::recorded::Frame;
+
 const SEGMENTS: usize = 23;
 const LEFT_ARM: usize = 11;
 const RIGHT_ARM: usize = 7;
-const RIGHT_FOREARM: usize = 9;
-const LEFT_HAND: usize = 14;
+pub(super) const RIGHT_FOREARM: usize = 9;
+pub(super) const LEFT_HAND: usize = 14;
 const RIGHT_LEG: usize = 15;
 const LEFT_LEG: usize = 19;
-
-/// Numbers of a frame, element by element and segment by segment.
-#[derive(Clone)]
-pub(super) struct Frame {
-    open: String,
-    orientation: Vec<[f64; 4]>,
-    position: Vec<Vector3<f64>>,
-    velocity: Vec<Vector3<f64>>,
-    acceleration: Vec<Vector3<f64>>,
-    rate: Vec<Vector3<f64>>,
-}
 
 /// A change of a recording.
 pub(super) enum Change {
@@ -40,8 +18,8 @@ pub(super) enum Change {
     Frames(fn(usize, &[Frame], &mut Frame)),
     /// Of one text in a file for another.
     Text(&'static str, &'static str, &'static str),
-    /// Only so many frames.
-    Length(usize),
+    /// Only the frames with these numbers.
+    Kept(fn(usize) -> bool),
 }
 
 /// A kind of nonsense.
@@ -50,14 +28,14 @@ pub(super) struct Kind {
     pub(super) change: Change,
 }
 
-const fn frames(name: &'static str, change: fn(usize, &[Frame], &mut Frame)) -> Kind {
+pub(super) const fn frames(name: &'static str, change: fn(usize, &[Frame], &mut Frame)) -> Kind {
     Kind {
         name,
         change: Change::Frames(change),
     }
 }
 
-const fn edited(
+pub(super) const fn edited(
     name: &'static str,
     file: &'static str,
     from: &'static str,
@@ -69,7 +47,14 @@ const fn edited(
     }
 }
 
-fn scale(of: &mut [Vector3<f64>], factor: f64) {
+pub(super) const fn kept(name: &'static str, keeps: fn(usize) -> bool) -> Kind {
+    Kind {
+        name,
+        change: Change::Kept(keeps),
+    }
+}
+
+pub(super) fn scale(of: &mut [Vector3<f64>], factor: f64) {
     of.iter_mut().for_each(|vector| *vector *= factor);
 }
 
@@ -83,7 +68,7 @@ fn noise(frame: usize, place: usize) -> f64 {
 }
 
 /// The first posture of a recording, at rest with a pelvis turned and moved so.
-fn at_rest(
+pub(super) fn at_rest(
     index: usize,
     all: &[Frame],
     frame: &mut Frame,
@@ -114,7 +99,7 @@ fn at_rest(
 }
 
 /// The turn that sets the first frame's pelvis upright.
-fn upright(all: &[Frame]) -> UnitQuaternion<f64> {
+pub(super) fn upright(all: &[Frame]) -> UnitQuaternion<f64> {
     let [w, x, y, z] = all[0].orientation[0];
     UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z)).inverse()
 }
@@ -283,122 +268,5 @@ pub(super) const KINDS: [Kind; 41] = [
     frames("accelerations with gravity", |_, _, f| {
         f.acceleration.iter_mut().for_each(|a| a.z += 9.81);
     }),
-    Kind {
-        name: "0.1 s of flight",
-        change: Change::Length(24),
-    },
+    kept("0.1 s of flight", |index| index < 24),
 ];
-
-/// A recording taken apart.
-pub(super) struct Recorded {
-    before: String,
-    frames: Vec<Frame>,
-    after: String,
-    files: Vec<(&'static str, String)>,
-}
-
-impl Recorded {
-    pub(super) fn read(folder: &Path) -> Self {
-        let read = |name: &str| fs::read_to_string(folder.join(name)).expect("text");
-        let text = read("flight.mvnx");
-        let first = text
-            .match_indices("<frame ")
-            .find(|(at, _)| {
-                let tag = text[*at..].split('>').next().unwrap_or_default();
-                tag.contains("type=\"normal\"")
-            })
-            .map_or(0, |(at, _)| at);
-        let last = text.rfind("</frame>").map_or(0, |at| at + "</frame>".len());
-        let frames = text[first..last]
-            .split_terminator("</frame>")
-            .take(FRAMES)
-            .map(Frame::parse);
-        Self {
-            frames: frames.collect(),
-            before: text[..first].to_owned(),
-            after: text[last..].to_owned(),
-            files: ["flight.toml", "subject.toml", "inputs.csv"]
-                .map(|name| (name, read(name)))
-                .into(),
-        }
-    }
-
-    /// Writes the recording with a change, as a flight in a folder.
-    pub(super) fn write(&self, folder: &Path, kind: &Kind) {
-        fs::create_dir_all(folder).expect("a folder");
-        let mut frames = self.frames.clone();
-        match kind.change {
-            Change::Frames(change) => {
-                for (index, frame) in frames.iter_mut().enumerate() {
-                    change(index, &self.frames, frame);
-                }
-            }
-            Change::Length(length) => frames.truncate(length),
-            Change::Text(..) => {}
-        }
-        let mut text = self.before.clone();
-        frames.iter().for_each(|frame| frame.add_to(&mut text));
-        text += &self.after;
-        let recording = [("flight.mvnx", text)].into_iter();
-        for (name, mut text) in recording.chain(self.files.clone()) {
-            if let Change::Text(file, from, to) = kind.change
-                && file == name
-            {
-                assert!(text.contains(from), "{name} has no {from}");
-                text = text.replacen(from, to, 1);
-            }
-            fs::write(folder.join(name), text).expect("written");
-        }
-    }
-}
-
-impl Frame {
-    fn parse(text: &str) -> Self {
-        let text = text.trim();
-        let open = text.split_inclusive('>').next().unwrap_or_default();
-        let numbers = |element: &str| -> Vec<f64> {
-            let from = text.find(&format!("<{element}>")).expect("an element") + element.len() + 2;
-            let to = text[from..].find('<').expect("its end") + from;
-            let words = text[from..to].split_whitespace();
-            words.map(|word| word.parse().expect("a number")).collect()
-        };
-        let vectors = |element: &str| -> Vec<Vector3<f64>> {
-            numbers(element)
-                .chunks_exact(3)
-                .map(Vector3::from_column_slice)
-                .collect()
-        };
-        let quaternions = numbers("orientation");
-        let quaternions = quaternions
-            .chunks_exact(4)
-            .map(|q| [q[0], q[1], q[2], q[3]]);
-        Self {
-            open: open.to_owned(),
-            orientation: quaternions.collect(),
-            position: vectors("position"),
-            velocity: vectors("velocity"),
-            acceleration: vectors("acceleration"),
-            rate: vectors("angularVelocity"),
-        }
-    }
-
-    fn add_to(&self, text: &mut String) {
-        let flat = |of: &[Vector3<f64>]| of.iter().flat_map(|v| [v.x, v.y, v.z]).collect();
-        let all: [Vec<f64>; 5] = [
-            self.orientation.iter().flatten().copied().collect(),
-            flat(&self.position),
-            flat(&self.velocity),
-            flat(&self.acceleration),
-            flat(&self.rate),
-        ];
-        *text += &self.open;
-        for (element, numbers) in ELEMENTS.iter().zip(all) {
-            let words: Vec<String> = numbers
-                .iter()
-                .map(|number| format!("{number:.6}"))
-                .collect();
-            *text += &format!("<{element}>{}</{element}>", words.join(" "));
-        }
-        *text += "</frame>\n";
-    }
-}

@@ -54,7 +54,7 @@ fn during(rows: &[Row], heights: core::ops::Range<f64>) -> core::ops::Range<usiz
     first.unwrap_or(0)..last.map_or(0, |last| last + 1)
 }
 
-pub(super) const KINDS: [Kind; 24] = [
+pub(super) const KINDS: [Kind; 25] = [
     kind("nothing", |rows| rows),
     kind("heights in feet", |rows| {
         each(rows, |_, row| row.height /= 0.3048)
@@ -81,6 +81,14 @@ pub(super) const KINDS: [Kind; 24] = [
         let fall = during(&rows, 2000.0..2500.0);
         each(rows, |index, row| {
             row.height += if index > fall.start { 300.0 } else { 0.0 }
+        })
+    }),
+    kind("two jumpers by turns", |rows| {
+        each(rows, |index, row| {
+            if index % 2 == 1 {
+                row.height -= 300.0;
+                row.latitude += 0.007;
+            }
         })
     }),
     kind("frozen for 10 s of the fall", |rows| {

@@ -11,6 +11,7 @@ use embedded_storage_async::nor_flash::{
 
 use bodyflight_firmware::recorder::serial_flash::{SECTOR, parts};
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::files::write_file;
 
 /// Number of sectors: as many as the flash of a Raspberry Pi Pico 2 has left beside a firmware image.
 const SECTORS: u32 = 768;
@@ -37,21 +38,20 @@ impl FileFlash {
     pub(super) fn open(path: &Path) -> Result<Self> {
         let system = |error| Problem::system("open", path, error);
         let size = u64::from(SECTOR * SECTORS);
-        let mut options = OpenOptions::new();
-        let options = options.read(true).write(true).create(true).truncate(false);
-        let file = options.open(path).map_err(system)?;
-        match file.metadata().map_err(system)?.len() {
-            0 => file.write_all_at(&vec![0xff; (SECTOR * SECTORS) as usize], 0),
-            found if found == size => Ok(()),
-            found => {
-                let message =
-                    format!("expected the log of a unit with {size} bytes, found {found} bytes");
-                return Err(Problem::bad_input(message).in_file(path).help(
-                    "name a file that does not exist yet, or one that was created by this option",
-                ));
-            }
+        // Whole from the beginning: a file cut short would be refused at the next start.
+        if path.metadata().map_or(0, |found| found.len()) == 0 {
+            write_file(path, &vec![0xff; (SECTOR * SECTORS) as usize])?;
         }
-        .map_err(system)?;
+        let mut options = OpenOptions::new();
+        let file = options.read(true).write(true).open(path).map_err(system)?;
+        let found = file.metadata().map_err(system)?.len();
+        if found != size {
+            let message =
+                format!("expected the log of a unit with {size} bytes, found {found} bytes");
+            return Err(Problem::bad_input(message).in_file(path).help(
+                "name a file that does not exist yet, or one that was created by this option",
+            ));
+        }
         Ok(Self(file))
     }
 

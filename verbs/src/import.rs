@@ -4,7 +4,7 @@ use core::fmt;
 use std::path::{Path, PathBuf};
 
 use bodyflight_core::frame::Vector;
-use bodyflight_core::{Posture, Segment};
+use bodyflight_core::{Body, Posture, Segment};
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -15,11 +15,13 @@ use bodyflight_io::interrupt;
 use bodyflight_mocap::mapping::Mapping;
 use bodyflight_mocap::slip as mocap;
 use bodyflight_mocap::source::Source;
-use bodyflight_mvnx::recording::{FlightFrame, PelvisMotion, Warning};
+use bodyflight_mvnx::recording::{FlightFrame, Options, PelvisMotion, Warning};
 use bodyflight_mvnx::writer::{Description, Origin, Writer};
+use bodyflight_replay::frames::Frames;
 use bodyflight_replay::subject::{SEGMENTS_FILE, Subject};
 
-use super::inspect;
+use crate::inspect::activity::Activities;
+use crate::inspect::picture::first_frame;
 
 /// Name of the picture file.
 const PICTURE_FILE: &str = "first-frame.svg";
@@ -79,6 +81,10 @@ pub struct Report {
     pub segments: Vec<MappedSegment>,
     /// Warnings about the flight.
     pub warnings: Vec<String>,
+    /// Why results from this flight cannot be trusted: what contradicts itself, or that it is no fall.
+    pub doubts: Vec<String>,
+    /// What the body does, and whether the flight can be used, in a sentence.
+    pub verdict: String,
     /// Markers that slipped along the skin and stay there, in order of time.
     pub slips: Vec<Slip>,
     /// The first frame, as text art.
@@ -134,6 +140,16 @@ impl Slip {
 }
 
 impl Report {
+    /// Why results from the flight cannot be trusted, `None` if nothing contradicts it.
+    pub fn doubt(&self) -> Option<String> {
+        (!self.doubts.is_empty()).then(|| {
+            format!(
+                "the recording cannot be trusted: {}",
+                self.doubts.join("; ")
+            )
+        })
+    }
+
     /// The slips as faults of the recording that was written.
     pub fn faults(&self) -> Vec<Warning> {
         let warning = |slip: &Slip| Warning {
@@ -203,11 +219,38 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
         );
         write_file(&picture, drawing.as_bytes())?;
     }
+    // The same checks as in any other verb.
+    let seen = match seen(request, &recording, &body) {
+        Ok(seen) => seen,
+        Err(problem) => {
+            std::fs::remove_file(&recording)
+                .map_err(|error| Problem::system("remove", &recording, error))?;
+            return Err(Problem::bad_input(format!(
+                "no flight can be made of it: {}",
+                problem.message
+            ))
+            .in_file(request.file)
+            .help("check the units and axes of its positions and its rate: [world] and [time] in the mapping"));
+        }
+    };
     let flight = write_flight(request)?;
-    // The same checks as for any other recording.
-    let seen = inspect::flight::inspected(&recording, Some(&body))?;
-    let mut warnings = warnings(request, &source, &knees, has_places);
+    let (mut warnings, mut doubts) = warnings(request, &source, &knees, has_places);
     warnings.extend(seen.warnings.iter().map(ToString::to_string));
+    let faults = seen.warnings.iter().chain(&seen.of_fall);
+    doubts.extend(
+        faults
+            .filter(|warning| warning.is_fault)
+            .map(|warning| warning.message.clone()),
+    );
+    let does = seen.activity.unwrap_or("does nothing known");
+    let verdict = if doubts.is_empty() {
+        format!("nothing contradicts it; the body {does} for most of the time")
+    } else {
+        format!(
+            "doubtful: the body {does} for most of the time; {}",
+            doubts.join("; ")
+        )
+    };
     let last = source.timing.indices.last().copied().unwrap_or(0);
     Ok(Report {
         flight,
@@ -225,10 +268,40 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
             })
             .collect(),
         warnings,
+        doubts,
+        verdict,
         slips: (source.slips.iter())
             .map(|slip| Slip::of(slip, source.first_s))
             .collect(),
         letters: seen.picture,
+    })
+}
+
+/// What the flight shows that was written.
+struct Seen {
+    warnings: Vec<Warning>,
+    of_fall: Vec<Warning>,
+    activity: Option<&'static str>,
+    picture: String,
+}
+
+fn seen(request: &Request<'_>, recording: &Path, body: &Body<f64>) -> Result<Seen> {
+    let mut frames =
+        Frames::open(recording, None, Options::default())?.of_person(body, request.has_subject);
+    let mut activities = Activities::default();
+    let mut picture = None;
+    for frame in frames.by_ref() {
+        let frame = frame?;
+        picture.get_or_insert_with(|| first_frame(body, &frame));
+        activities.see(&frame);
+    }
+    let mut warnings = frames.of_recording();
+    warnings.extend_from_slice(frames.of_subject());
+    Ok(Seen {
+        warnings,
+        of_fall: frames.of_fall(),
+        activity: activities.most(),
+        picture: picture.unwrap_or_default(),
     })
 }
 
@@ -272,19 +345,23 @@ impl Knees {
     }
 }
 
+/// Remarks about the source, and those among them that contradict it.
 fn warnings(
     request: &Request<'_>,
     source: &Source,
     knees: &Knees,
     has_places: bool,
-) -> Vec<String> {
+) -> (Vec<String>, Vec<String>) {
     let mut warnings = source.warnings.clone();
-    warnings.extend(source.slips.iter().map(ToString::to_string));
+    let mut doubts: Vec<String> = source.slips.iter().map(ToString::to_string).collect();
+    warnings.extend(doubts.iter().cloned());
     if 2 * knees.wrong > knees.frames {
-        warnings.push(format!(
+        let said = format!(
             "the knees are bent forwards in {} of {} frames: an axis or a sign of the mapping is wrong; look at {PICTURE_FILE}",
             knees.wrong, knees.frames
-        ));
+        );
+        warnings.push(said.clone());
+        doubts.push(said);
     }
     if !has_places {
         warnings.push(
@@ -309,11 +386,13 @@ fn warnings(
     if let Some(thigh) = source.thigh_m
         && ((thigh / own) - 1.0).abs() > THIGH
     {
-        warnings.push(format!(
+        let said = format!(
             "the thigh of the source is {thigh:.3} m long, that of the subject {own:.3} m: is it the same person?"
-        ));
+        );
+        doubts.extend(request.has_subject.then(|| said.clone()));
+        warnings.push(said);
     }
-    warnings
+    (warnings, doubts)
 }
 
 /// Writes the person, and the `flight.toml` that ties the files together.
@@ -359,6 +438,7 @@ impl fmt::Display for Report {
         for warning in &self.warnings {
             writeln!(f, "warning         {warning}")?;
         }
+        writeln!(f, "verdict         {}", self.verdict)?;
         writeln!(
             f,
             "first frame     from the front, and from the left; R is the right hand ({})\n{}",

@@ -1,7 +1,7 @@
 //! Describes a recording without simulating it.
 
 mod accelerations;
-mod activity;
+pub(crate) mod activity;
 pub mod flight;
 pub mod picture;
 

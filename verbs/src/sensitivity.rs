@@ -15,7 +15,7 @@ use bodyflight_estimation::Filter;
 use bodyflight_estimation::windows::estimate;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::{FlightFrame, Options};
+use bodyflight_mvnx::recording::{FlightFrame, Options, Warning, faults};
 use bodyflight_replay::Precision;
 use bodyflight_replay::comparison::{Channel, Comparison, Pair, PerChannel};
 use bodyflight_replay::flight::Flight;
@@ -138,6 +138,8 @@ pub struct Effect {
     pub change: PerChannel,
     /// RMS gap of measured minus reconstructed with re-estimated inputs, for aerodynamic coefficients and if requested.
     pub reconstruction: Option<PerChannel>,
+    /// Why the change means nothing, if the varied run diverges.
+    pub diverged: Option<String>,
 }
 
 /// The sensitivity of a flight.
@@ -152,6 +154,17 @@ pub struct Report {
     pub reconstruction: Option<PerChannel>,
     /// Largest absolute value of each measured channel in that reconstruction.
     pub measured_amplitude: Option<PerChannel>,
+    /// Values that are implausible for a flight.
+    pub warnings: Vec<Warning>,
+    /// Why no change means anything, if the unvaried run diverges.
+    pub diverged: Option<String>,
+}
+
+impl Report {
+    /// Why the result cannot be trusted.
+    pub fn doubt(&self) -> Option<String> {
+        faults(&self.warnings).or_else(|| self.diverged.clone())
+    }
 }
 
 /// Simulates a flight's postures with each parameter increased and decreased by `share` (0.3 is 30 %). With
@@ -166,12 +179,13 @@ pub fn sensitivity(
     options: Options,
     progress: &mut dyn FnMut(),
 ) -> Result<Report> {
-    let frames: Vec<FlightFrame> = flight.open(options)?.collect::<Result<_>>()?;
+    let mut recording = flight.open(options)?;
+    let frames: Vec<FlightFrame> = recording.by_ref().collect::<Result<_>>()?;
     let [first, _, ..] = frames.as_slice() else {
         return Err(too_short(&flight.recording));
     };
     let dynamics = flight.dynamics(first.pelvis.position.up());
-    let plain = fly(flight, &frames, dynamics, None)?;
+    let (plain, diverged) = fly(flight, &frames, dynamics, None)?;
     let reconstruct = |varied: Option<(Parameter, f64)>| {
         let Some(preset) = estimation else {
             return Ok(None);
@@ -197,12 +211,13 @@ pub fn sensitivity(
     let mut effects = Vec::new();
     for parameter in Parameter::ALL {
         for factor in [1.0 - share, 1.0 + share] {
-            let varied = fly(flight, &frames, dynamics, Some((parameter, factor)))?;
+            let (varied, diverged) = fly(flight, &frames, dynamics, Some((parameter, factor)))?;
             effects.push(Effect {
                 parameter,
                 factor,
                 change: gap(&plain, &varied).rms(),
                 reconstruction: reconstruct(Some((parameter, factor)))?.map(|report| report.rms),
+                diverged,
             });
             progress();
             interrupt::check()?;
@@ -213,6 +228,8 @@ pub fn sensitivity(
         effects,
         reconstruction: unvaried.as_ref().map(|report| report.rms),
         measured_amplitude: unvaried.as_ref().map(|report| report.amplitude),
+        warnings: recording.warnings(),
+        diverged,
     })
 }
 
@@ -224,7 +241,7 @@ fn fly(
     frames: &[FlightFrame],
     mut dynamics: Dynamics<f64>,
     varied: Option<(Parameter, f64)>,
-) -> Result<Run> {
+) -> Result<(Run, Option<String>)> {
     let mut flight = flight.clone();
     if let Some((parameter, factor)) = varied {
         parameter.vary(&mut dynamics, factor);
@@ -239,10 +256,12 @@ fn fly(
     }
     let frames = frames.iter().copied().map(Ok);
     let replay = Replay::with_dynamics(&flight, frames, Precision::Double, |_| dynamics)?;
-    replay
-        .on_divergence(Divergence::Held)
+    let mut replay = replay.on_divergence(Divergence::Held);
+    let run: Result<Run> = replay
+        .by_ref()
         .map(|step| step.map(|step| (step.time, step.pair.simulated)))
-        .collect()
+        .collect();
+    Ok((run?, replay.diverged()))
 }
 
 fn gap(plain: &Run, varied: &Run) -> Comparison {

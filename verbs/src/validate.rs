@@ -73,11 +73,10 @@ impl Report {
 /// Reads a whole flight.
 ///
 /// # Errors
-/// Returns an error if a file is unusable or has no velocities.
+/// Returns an error if a file is unusable or has no velocities, or if the recording cannot be trusted.
 pub fn read(path: &Path) -> Result<Recorded> {
     let flight = Flight::read(path)?;
-    let recording = flight.open(Options::default())?;
-    let frames = recording.collect::<Result<Vec<_>>>()?;
+    let frames = flight.open(Options::default())?.trusted(path)?;
     let height = frames
         .first()
         .map_or(0.0, |frame| frame.pelvis.position.components.z);

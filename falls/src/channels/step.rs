@@ -13,8 +13,12 @@ const FEWEST: usize = 4;
 /// Largest scatter of the heights on either side, as a fraction of the jump.
 const SCATTER: f64 = 0.2;
 
-/// Moves the heights before each jump so that they meet those after it, which end on the ground.
-pub(super) fn checked(samples: &mut [Sample], findings: &mut Vec<Finding>) {
+/// Jumps beyond which a receiver has not merely found another height a few times.
+const MOST: usize = 4;
+
+/// Moves the heights before each jump so that they meet those after it, which end on the ground. Returns whether the
+/// heights can be trusted: those of two tracks in one file jump to and fro.
+pub(super) fn checked(samples: &mut [Sample], findings: &mut Vec<Finding>) -> bool {
     let gap = longest_step(samples);
     let displacements = displacements(samples, 2, gap);
     let left: Vec<Sample> = samples
@@ -46,7 +50,8 @@ pub(super) fn checked(samples: &mut [Sample], findings: &mut Vec<Finding>) {
             jumps.push((index, jump));
         }
     }
-    for (index, jump) in &jumps {
+    let is_trusted = jumps.len() <= MOST;
+    for (index, jump) in jumps.iter().filter(|_| is_trusted) {
         for sample in &mut samples[..*index] {
             sample.position.z += jump;
         }
@@ -55,7 +60,12 @@ pub(super) fn checked(samples: &mut [Sample], findings: &mut Vec<Finding>) {
         .iter()
         .max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()));
     let (Some((index, jump)), Some(first)) = (largest, samples.first()) else {
-        return;
+        return true;
+    };
+    let then = if is_trusted {
+        "those before it are moved"
+    } else {
+        "rows of two tracks may be mixed"
     };
     let times = match jumps.len() {
         1 => String::new(),
@@ -63,12 +73,17 @@ pub(super) fn checked(samples: &mut [Sample], findings: &mut Vec<Finding>) {
     };
     findings.push(Finding {
         channel: Channel::Height,
-        remedy: Remedy::Converted,
+        remedy: if is_trusted {
+            Remedy::Converted
+        } else {
+            Remedy::Reported
+        },
         sentence: format!(
-            "the heights jump by {jump:.0} m at {:.1} s{times}, and the vertical velocities do not: those before it are moved",
+            "the heights jump by {jump:.0} m at {:.1} s{times}, and the vertical velocities do not: {then}",
             samples[*index].time - first.time
         ),
     });
+    is_trusted
 }
 
 /// Whether the rows lie around a height, up to a fraction of the jump.

@@ -8,6 +8,7 @@ mod arms;
 mod bridge;
 mod clock;
 mod frame;
+mod limbs;
 mod mounting;
 mod paths;
 mod plausibility;
@@ -33,6 +34,7 @@ use crate::xsens::{self, MvnSegment};
 use crate::{ArmFrame, Fault, Field, Fields, Frame, FrameKind, Header, ReadOptions, Reader};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::input::Input;
+use limbs::Moving;
 use plausibility::{JOINT_LIMIT, OpenJoint};
 pub use warning::{Warning, faults};
 
@@ -280,6 +282,15 @@ impl<R: BufRead> Recording<R> {
         })
     }
 
+    /// How the segments move, by the frame's own numbers.
+    fn moving(&self, frame: &Frame) -> SegmentArray<Moving> {
+        self.places.map(|_, place| Moving {
+            position: frame.vector(Field::Position, *place),
+            velocity: frame.vector(Field::Velocity, *place),
+            angular_velocity: frame.vector(Field::AngularVelocity, *place),
+        })
+    }
+
     /// The joint that closes worst in a frame whose arms have the convention of the T-pose.
     fn worst_joint(&self, frame: &Frame) -> Option<OpenJoint> {
         let [turned, placed] = [Field::Orientation, Field::Position].map(|of| frame.numbers(of));
@@ -316,7 +327,8 @@ impl<R: BufRead> Recording<R> {
                 self.bridge.bad(fault)?;
             } else if let Some(flight) = self.flight_frame(&mut frame) {
                 let joint = self.worst_joint(&frame);
-                self.watch.see(&flight, frame.written_time, joint);
+                let moving = self.moving(&frame);
+                self.watch.see(&flight, frame.written_time, joint, &moving);
                 self.mountings.see_frame(&self.skeleton, &frame);
                 self.bridge.good(flight)?;
             } else {

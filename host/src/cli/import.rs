@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bodyflight_io::diagnostic::Result;
+use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mocap::mapping::Mapping;
 use bodyflight_replay::subject::Subject;
 use bodyflight_verbs::import::{FILES, Request, import};
@@ -15,7 +15,8 @@ use super::terminal;
 #[derive(clap::Args)]
 #[command(
     after_help = "A mapping says where the axes of the file point and what its segments are called (docs/import.md). \
-                  Look at first-frame.svg before you trust the result.\n\n\
+                  Look at first-frame.svg before you trust the result. Exit code 5: the flight is written, but it contradicts \
+                  itself or is no fall.\n\n\
                   Example: bodyflight import jump.csv --mapping mapping.toml --subject athlete.toml --out jump"
 )]
 pub(super) struct Args {
@@ -55,8 +56,12 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     bar.finish_and_clear();
     let report = report?;
     if json {
-        return terminal::print_json(&report);
+        terminal::print_json(&report)?;
+    } else {
+        terminal::print(&report.to_string());
     }
-    terminal::print(&report.to_string());
-    Ok(())
+    match report.doubt() {
+        Some(doubt) => Err(Problem::doubt(doubt).in_file(&args.file)),
+        None => Ok(()),
+    }
 }

@@ -60,13 +60,20 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     args.plot
         .write(|| Ok(report.svg(&args.plot.title(title))))?;
     if json {
-        return terminal::print_json(&report);
+        terminal::print_json(&report)?;
+    } else {
+        print_report(&report);
     }
-    print_report(&report);
-    Ok(())
+    match report.doubt() {
+        Some(doubt) => Err(Problem::doubt(doubt).in_file(&args.flight)),
+        None => Ok(()),
+    }
 }
 
 fn print_report(report: &Report) {
+    for warning in &report.warnings {
+        terminal::note(&format!("warning: {warning}"));
+    }
     let names = SHOWN.map(|channel| channel.label().0);
     let columns: Vec<&str> = ["parameter", "factor"].into_iter().chain(names).collect();
     let shares = |values: &PerChannel, amplitude: &PerChannel| {
@@ -83,7 +90,10 @@ fn print_report(report: &Report) {
             effect.parameter.label().to_owned(),
             format!("{:.2}", effect.factor),
         ];
-        row.extend(shares(&effect.change, &report.amplitude));
+        row.extend(match effect.diverged {
+            Some(_) => SHOWN.map(|_| "diverges".to_owned()),
+            None => shares(&effect.change, &report.amplitude),
+        });
         table.add_row(row);
     }
     terminal::print("change of a free run with the same postures and inputs");

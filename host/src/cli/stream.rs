@@ -10,7 +10,7 @@ use bodyflight_core::link::fault::Faults;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvn_network::Source;
 use bodyflight_mvnx::live::LiveRecording;
-use bodyflight_mvnx::recording::FlightFrame;
+use bodyflight_mvnx::recording::{FlightFrame, Warning};
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::model_file::Effects;
 use bodyflight_unit::monitor::Defmt;
@@ -224,18 +224,21 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             args.rate.unwrap_or(240.0),
             frames,
             &settings,
+            &Vec::new,
         );
     }
-    let recording = flight.open(args.reading.options())?;
-    let frame_rate = recording.header().frame_rate;
+    let recording = RefCell::new(flight.open(args.reading.options())?);
+    let frame_rate = recording.borrow().header().frame_rate;
     let seconds = args.seconds.unwrap_or(f64::INFINITY);
     let mut start = None;
-    let frames = recording.take_while(|frame| {
+    let frames = std::iter::from_fn(|| recording.borrow_mut().next()).take_while(|frame| {
         frame.as_ref().map_or(true, |frame| {
             frame.time - *start.get_or_insert(frame.time) <= seconds
         })
     });
-    run_frames(args, json, &flight, frame_rate, frames, &settings)
+    run_frames(args, json, &flight, frame_rate, frames, &settings, &|| {
+        recording.borrow().warnings()
+    })
 }
 
 fn run_frames(
@@ -245,6 +248,7 @@ fn run_frames(
     frame_rate: f64,
     frames: impl Iterator<Item = Result<FlightFrame>>,
     settings: &Settings,
+    warnings: &dyn Fn() -> Vec<Warning>,
 ) -> Result<()> {
     // The image contains the strings of the unit's log.
     let mut logs = match args.qemu.as_deref() {
@@ -305,16 +309,24 @@ fn run_frames(
     let mut report = report?;
     report.kept = kept?.flatten();
     report.log_lines = logs.as_ref().map(|logs| logs.totals().lines);
+    report.warnings = warnings();
     report.log_malformed = logs.as_ref().map(|logs| logs.totals().malformed_frames);
     if json {
         terminal::print_json(&report)?;
     } else {
         print_report(&report);
     }
-    report.verdict()
+    report.verdict()?;
+    match report.doubt() {
+        Some(doubt) => Err(Problem::doubt(doubt).in_file(&flight.recording)),
+        None => Ok(()),
+    }
 }
 
 fn print_report(report: &Report) {
+    for warning in &report.warnings {
+        terminal::note(&format!("warning: {warning}"));
+    }
     let estimates = &report.estimates;
     let unit = &report.unit;
     if let Some(place) = &report.unit_panic {

@@ -11,6 +11,7 @@ use super::settings::Settings;
 use super::twin::Agreement;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvnx::live::Kept;
+use bodyflight_mvnx::recording::{Warning, faults};
 
 /// The progress of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -215,6 +216,8 @@ pub struct Report {
     pub log_malformed: Option<u64>,
     /// The recording of the stream, if one was requested.
     pub kept: Option<Kept>,
+    /// What is implausible in the flight that was sent.
+    pub warnings: Vec<Warning>,
 }
 
 impl Report {
@@ -246,7 +249,13 @@ impl Report {
             log_lines: None,
             log_malformed: None,
             kept: None,
+            warnings: Vec::new(),
         }
+    }
+
+    /// Why the estimates cannot be trusted however well both sides agree, `None` if nothing contradicts the flight.
+    pub fn doubt(&self) -> Option<String> {
+        faults(&self.warnings)
     }
 
     /// Checks that every sample is accounted for and every estimate equals the desktop's.

@@ -10,6 +10,8 @@ const LEAST: u32 = 8;
 /// Correlation above which the two are the same but for a factor, and the factor's distance from one.
 const SAME: f64 = 0.8;
 const APART: f64 = 0.4;
+/// Root mean square (m/s2) that no body in flight has.
+const IMPOSSIBLE: f64 = 500.0;
 /// Share of gravity by which a mean difference along the vertical may differ from it.
 const NEAR: f64 = 0.3;
 
@@ -74,7 +76,12 @@ impl Accelerations {
         let product = self.product / count - by_velocity.dot(&by_acceleration);
         let correlation = product / (expected * found).sqrt().max(f64::MIN_POSITIVE);
         let scale = product / expected.max(f64::MIN_POSITIVE);
-        let what = if (offset.z.abs() / GRAVITY - 1.0).abs() < NEAR {
+        let what = if found > IMPOSSIBLE * IMPOSSIBLE {
+            format!(
+                "are {:.0} m/s2 on average: they seem to be in mm/s2",
+                found.sqrt()
+            )
+        } else if (offset.z.abs() / GRAVITY - 1.0).abs() < NEAR {
             format!(
                 "differ by {:+.1} m/s2 along the vertical: they contain gravity",
                 offset.z

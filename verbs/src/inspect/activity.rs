@@ -13,6 +13,8 @@ const FALLS: f64 = 8.0;
 const STILL: f64 = 0.15;
 const WALKS: f64 = 0.4;
 const RUNS: f64 = 2.6;
+/// Speed that no runner reaches (m/s).
+const RIDES: f64 = 13.0;
 /// Rotation of the pelvis that no walk or run has (rad/s).
 const TUMBLES: f64 = 4.0;
 /// Cosine of the angle to the vertical below which a trunk is not upright, and bend of the knees that sit (rad).
@@ -20,7 +22,7 @@ const UPRIGHT: f64 = 0.7;
 const SITS: f64 = 1.2;
 
 /// Names of activities, in the order of [`Activities::times`].
-const NAMES: [&str; 8] = [
+const NAMES: [&str; 10] = [
     "tumbles",
     "falls",
     "stands",
@@ -29,18 +31,20 @@ const NAMES: [&str; 8] = [
     "moves in place",
     "walks",
     "runs",
+    "travels level",
+    "rises",
 ];
 
 /// Time spent on each activity.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Activities {
+pub(crate) struct Activities {
     begin: Option<(f64, Vector3<f64>, UnitQuaternion<f64>)>,
     times: [f64; NAMES.len()],
     moved: bool,
 }
 
 impl Activities {
-    pub(super) fn see(&mut self, frame: &FlightFrame) {
+    pub(crate) fn see(&mut self, frame: &FlightFrame) {
         let here = frame.pelvis.position.components;
         let attitude = *frame.pelvis.inertial_from_body.quaternion();
         let (time, from, turned) = *(self.begin).get_or_insert((frame.time, here, attitude));
@@ -57,6 +61,10 @@ impl Activities {
         let bent = |shank: Segment| frame.posture.parent_from_segment(shank).angle();
         let at = if velocity.z < -FALLS {
             1
+        } else if velocity.z > FALLS {
+            9
+        } else if level > RIDES {
+            8
         } else if turns > TUMBLES {
             0
         } else if velocity.norm() < STILL && up.z < UPRIGHT {
@@ -75,7 +83,7 @@ impl Activities {
     }
 
     /// The activity that takes most of the time; `None` if the recording has no positions.
-    pub(super) fn most(&self) -> Option<&'static str> {
+    pub(crate) fn most(&self) -> Option<&'static str> {
         let longest = self
             .times
             .iter()
@@ -134,6 +142,8 @@ mod tests {
             (Vector3::zeros(), 1.5, 0.1, "lies"),
             (Vector3::new(1.3, 0.0, 0.0), 0.1, 0.3, "walks"),
             (Vector3::new(0.0, 4.0, 0.0), 0.1, 0.3, "runs"),
+            (Vector3::new(0.0, 50.0, 1.0), 1.5, 0.3, "travels level"),
+            (Vector3::new(0.0, 0.0, 50.0), 1.5, 0.3, "rises"),
         ] {
             assert_eq!(does(velocity, lean, knees), Some(name));
         }

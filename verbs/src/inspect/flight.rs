@@ -71,7 +71,11 @@ pub(crate) fn inspected(path: &Path, person: Option<&Body<f64>>) -> Result<Fligh
         }
     }
     let mut warnings = recording.warnings();
-    warnings.extend(person.and_then(|body| compared(recording.header(), body, true)));
+    warnings.extend(
+        person
+            .iter()
+            .flat_map(|body| compared(recording.header(), body, true)),
+    );
     Ok(FlightReport {
         warnings,
         activity: activities.most(),

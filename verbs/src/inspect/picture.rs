@@ -14,7 +14,7 @@ const HEIGHT: usize = 20;
 const POINTS: usize = 24;
 
 /// Draws the body in body axes, from the front (its left is on the right) and from its left (its front is on the left).
-pub(super) fn first_frame(body: &Body<f64>, frame: &FlightFrame) -> String {
+pub(crate) fn first_frame(body: &Body<f64>, frame: &FlightFrame) -> String {
     let limbs = limbs(body, &frame.posture);
     let ends = || limbs.iter().flat_map(|limb| [limb.from, limb.to]);
     let (low, high) = ends().fold(

@@ -29,8 +29,8 @@ impl Agreement {
         self.both / self.expected.max(f64::MIN_POSITIVE)
     }
 
-    /// Whether one of the two is empty.
-    pub(super) fn one_is_empty(&self) -> bool {
-        self.found.min(self.expected) < NONE * NONE * self.found.max(self.expected)
+    /// Whether what was found does not show the motion at all.
+    pub(super) fn is_empty(&self) -> bool {
+        self.found < NONE * NONE * self.expected
     }
 }

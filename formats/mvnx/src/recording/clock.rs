@@ -19,6 +19,9 @@ pub(super) struct Clock {
     frame_rate: f64,
     /// Written time (ms or s) of the first and the last frame that have one, with their indices.
     written: Option<[(u64, f64); 2]>,
+    /// Frames whose written time is before that of the frame before, and index and time (s) of the first.
+    backwards: u64,
+    first_backwards: Option<(u64, f64)>,
     /// Frames, and those that repeat the one before although the body moves.
     frames: u64,
     repeated: u64,
@@ -44,6 +47,10 @@ impl Clock {
     ) {
         if let Some(written) = written {
             let here = (index, written);
+            if self.written.is_some_and(|[_, (_, last)]| written < last) {
+                self.backwards += 1;
+                self.first_backwards.get_or_insert((index, time));
+            }
             self.written = Some([self.written.map_or(here, |[first, _]| first), here]);
         }
         self.frames += 1;
@@ -98,6 +105,18 @@ impl Clock {
             _ => ("; the header is used", false),
         };
         Some((frame, both + why, is_wrong))
+    }
+
+    /// Frame times that run backwards, and the frame that shows it.
+    pub(super) fn backwards(&self) -> Option<(u64, String)> {
+        let (index, time) = self.first_backwards?;
+        Some((
+            index,
+            format!(
+                "the frame times run backwards {} times, first at {time:.3} s; the order of the frames and the frame rate of the header are used",
+                self.backwards
+            ),
+        ))
     }
 
     /// Frames that repeat the one before while the body moves, and the frame that shows it.

@@ -8,6 +8,9 @@ use super::agreement::{Agreement, NONE};
 const LEAST_FRAMES: u64 = 10;
 /// Upward speed that no fall reaches (m/s).
 const RISES: f64 = 10.0;
+/// Speed that no skydiver exceeds (m/s), and one that only speed skydivers exceed.
+const IMPOSSIBLE: f64 = 150.0;
+const FAST: f64 = 110.0;
 /// Shortest path (m), by positions or by velocities, for which the two are compared, and their largest relative
 /// difference: beyond it, units or the frame rate are wrong.
 const MOVES: f64 = 1.0;
@@ -87,6 +90,8 @@ pub(super) struct Paths {
     piece: Option<Piece>,
     parted: Option<Parted>,
     pieces_parted: u64,
+    /// Largest speed over such a time, as slow as positions and velocities allow (m/s).
+    fastest: f64,
 }
 
 impl Paths {
@@ -123,6 +128,8 @@ impl Paths {
         let piece = self.piece.get_or_insert_with(|| Piece::from(begin));
         piece.add(moved, &by_velocity);
         if time - piece.begin >= PIECE {
+            let slower = piece.moved.norm().min(piece.by_velocities.norm());
+            self.fastest = self.fastest.max(slower / (time - piece.begin));
             let apart = (piece.moved - piece.by_velocities).norm();
             if apart > PARTED + PARTED_SHARE * piece.path {
                 let span = [piece.begin, time];
@@ -140,6 +147,11 @@ impl Paths {
         self.is_coarse = true;
     }
 
+    /// Whether velocities come from another sensor than positions.
+    pub(super) fn is_coarse(&self) -> bool {
+        self.is_coarse
+    }
+
     /// Forgets what is compared across a gap.
     pub(super) fn interrupt(&mut self) {
         self.stretch = None;
@@ -149,6 +161,17 @@ impl Paths {
     /// Mean upward speed (m/s) of a body that rises faster than anything in a fall, if the recording lasts so long (s).
     pub(super) fn rises(&self, duration: f64) -> Option<f64> {
         Some(self.up / duration.max(f64::MIN_POSITIVE)).filter(|up| *up > RISES)
+    }
+
+    /// Speed beyond that of a fall, and whether it is beyond that of any skydiver.
+    pub(super) fn too_fast(&self) -> Option<(String, bool)> {
+        let speed = self.fastest;
+        (speed > FAST).then(|| {
+            let message = format!(
+                "the body moves at up to {speed:.0} m/s over a second; a speed skydiver reaches {IMPOSSIBLE} m/s: positions and velocities may be in feet"
+            );
+            (message, speed > IMPOSSIBLE)
+        })
     }
 
     /// Whether the velocities are those of the same path the other way round.

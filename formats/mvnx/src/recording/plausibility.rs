@@ -13,6 +13,13 @@ const FROZEN_FOR: f64 = 0.2;
 pub(super) const SAME: f64 = 1e-9;
 /// Fewest other segments that must turn meanwhile: a body at rest is not frozen.
 const TURNING: usize = 12;
+/// The same for the angle of a joint, whose two segments are rounded (component of a quaternion), the fewest other joints
+/// that must move meanwhile, and the shortest time (s).
+const SAME_JOINT: f64 = 4e-6;
+const MOVING: usize = 8;
+const STIFF_FOR: f64 = 0.5;
+/// Distance from either end of the joint's range (rad), where a solver may hold it.
+const WITHIN: f64 = 1e-3;
 /// Largest distance between the two sides of a joint (m).
 pub(super) const JOINT_LIMIT: f64 = 0.05;
 
@@ -47,6 +54,18 @@ pub(super) struct OpenJoint {
     pub(super) apart: f64,
 }
 
+/// A joint that may have stopped.
+#[derive(Debug, Clone, Copy)]
+struct Joint {
+    /// Its rotation when it stopped.
+    kept: UnitQuaternion<f64>,
+    still: Option<Run>,
+    longest: Option<Run>,
+    /// Angle (rad) kept for the longest time, and the smallest and largest of all.
+    angle: f64,
+    range: [f64; 2],
+}
+
 /// Attitudes of the segments.
 pub(super) type Attitudes = SegmentArray<UnitQuaternion<f64>>;
 
@@ -65,6 +84,7 @@ pub(super) fn changes(before: &Attitudes, here: &Attitudes) -> SegmentArray<f64>
 pub(super) struct Plausibility {
     still: Option<SegmentArray<Option<Run>>>,
     frozen: Option<SegmentArray<Option<Run>>>,
+    joints: Option<SegmentArray<Joint>>,
     open: Vec<(String, Run)>,
 }
 
@@ -91,7 +111,71 @@ impl Plausibility {
         }
         if let Some((before, changes)) = before {
             self.compare(before, frame, changes);
+            self.move_joints(before, frame);
         }
+    }
+
+    fn move_joints(&mut self, before: &FlightFrame, frame: &FlightFrame) {
+        let of = |frame: &FlightFrame| {
+            SegmentArray::from_fn(|segment| *frame.posture.parent_from_segment(segment))
+        };
+        let (last, here) = (of(before), of(frame));
+        let moved = changes(&last, &here);
+        let moving = moved
+            .values()
+            .filter(|change| **change > SAME_JOINT)
+            .count();
+        let joints = self.joints.get_or_insert_with(|| {
+            last.map(|_, kept| Joint {
+                kept: *kept,
+                still: None,
+                longest: None,
+                angle: 0.0,
+                range: [f64::INFINITY, f64::NEG_INFINITY],
+            })
+        });
+        for (segment, joint) in joints.iter_mut() {
+            let (turned, angle) = (here[segment].coords, here[segment].angle());
+            joint.range = [joint.range[0].min(angle), joint.range[1].max(angle)];
+            let kept = joint.kept.coords;
+            let change = (turned - kept).amax().min((turned + kept).amax());
+            if change > SAME_JOINT || moving < MOVING {
+                joint.kept = here[segment];
+                joint.still = None;
+                continue;
+            }
+            let run = joint.still.get_or_insert_with(|| Run::new(before));
+            run.last = frame.time;
+            if joint
+                .longest
+                .is_none_or(|longest| run.length() > longest.length())
+            {
+                joint.longest = Some(*run);
+                joint.angle = angle;
+            }
+        }
+    }
+
+    /// Joints that stop within their range while others move.
+    fn stiff(&self) -> Vec<Warning> {
+        let joints = self.joints.iter().flat_map(SegmentArray::iter);
+        let stiff = joints.filter_map(|(segment, joint)| {
+            let run = joint.longest.filter(|run| run.length() >= STIFF_FOR)?;
+            let [low, high] = joint.range;
+            let is_within = (low + WITHIN..high - WITHIN).contains(&joint.angle);
+            let is_frozen = (self.frozen.as_ref())
+                .and_then(|frozen| frozen[segment])
+                .is_some_and(|frozen| frozen.length() >= FROZEN_FOR);
+            (is_within && !is_frozen).then(|| {
+                let name = segment.name();
+                let message = format!(
+                    "the joint of {name} keeps exactly the same angle from {:.3} to {:.3} s while others move: its angles are frozen",
+                    run.first.1, run.last
+                );
+                fault(name, &run, message)
+            })
+        });
+        stiff.collect()
     }
 
     fn compare(&mut self, before: &FlightFrame, frame: &FlightFrame, changes: &SegmentArray<f64>) {
@@ -136,7 +220,7 @@ impl Plausibility {
             );
             fault(segment, run, message)
         });
-        frozen.chain(open).collect()
+        frozen.chain(self.stiff()).chain(open).collect()
     }
 }
 

@@ -3,14 +3,15 @@
 //! Attitudes and angular velocities are redundant, and so are positions and velocities. If they disagree, a unit, an
 //! order or an axis differs from the format, and a simulation would be silently wrong.
 
-use bodyflight_core::Segment;
 use bodyflight_core::frame::{Inertial, Vector};
+use bodyflight_core::{Segment, SegmentArray};
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::agreement::Agreement;
 use super::bridge::BRIDGE_LIMIT;
 use super::clock::Clock;
 use super::frame::FlightFrame;
+use super::limbs::{Limbs, Moving, Snapshot};
 use super::paths::Paths;
 use super::plausibility::{Attitudes, OpenJoint, Plausibility, changes};
 use super::warning::Warning;
@@ -30,6 +31,9 @@ const FAR: f64 = 1.0;
 
 /// Smallest angular velocity (rad/s, root mean square) that the attitudes show clearly.
 const TURNS: f64 = 0.2;
+
+/// Angular velocity of attitudes and of rates (rad/s, root mean square) that no bias explains.
+const TURNS_FAST: f64 = 1.0;
 
 /// Smallest correlation of two angular velocities that differ only in their unit.
 const SAME: f64 = 0.7;
@@ -68,7 +72,7 @@ fn as_of_pelvis(recorded: &Vector3<f64>) -> Vector3<f64> {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Watch {
     first: Option<FlightFrame>,
-    last: Option<(FlightFrame, Attitudes)>,
+    last: Option<(FlightFrame, Attitudes, SegmentArray<Moving>)>,
     clock: Clock,
     gaps: u64,
     largest_gap: Option<(u64, f64)>,
@@ -80,6 +84,7 @@ pub(super) struct Watch {
     fastest: Option<(u64, f64)>,
     paths: Paths,
     segments: Plausibility,
+    limbs: Limbs,
 }
 
 impl Watch {
@@ -95,17 +100,18 @@ impl Watch {
         self.paths.compare_coarsely();
     }
 
-    /// Takes a good frame, its time as written, and its joint that closes worst.
+    /// Takes a good frame, its time as written, its joint that closes worst, and how its segments move.
     pub(super) fn see(
         &mut self,
         frame: &FlightFrame,
         written: Option<f64>,
         joint: Option<OpenJoint>,
+        moving: &SegmentArray<Moving>,
     ) {
         let attitude = *frame.pelvis.inertial_from_body.quaternion();
         let attitudes = (frame.posture.body_from_segments()).map(|_, turned| attitude * turned);
-        let last = self.last.replace((*frame, attitudes));
-        let before = (last.as_ref()).map(|(last, turned)| (last, changes(turned, &attitudes)));
+        let last = self.last.replace((*frame, attitudes, *moving));
+        let before = (last.as_ref()).map(|(last, turned, _)| (last, changes(turned, &attitudes)));
         let change = before.as_ref().map(|(last, changes)| {
             let moved = frame.pelvis.position.components - last.pelvis.position.components;
             changes.values().copied().fold(moved.amax(), f64::max)
@@ -113,8 +119,22 @@ impl Watch {
         self.clock.see((frame.index, frame.time), written, change);
         let before = before.as_ref().map(|(last, changes)| (*last, changes));
         self.segments.see(frame, before, joint);
-        if let Some((last, _)) = before {
+        if let Some((last, turned, moved)) = &last {
             self.compare(last, frame);
+            let snapshot = |of: &FlightFrame, attitudes, moving| Snapshot {
+                index: of.index,
+                time: of.time,
+                attitudes,
+                moving,
+            };
+            if (0.0..BRIDGE_LIMIT).contains(&(frame.time - last.time)) {
+                self.limbs.see(
+                    snapshot(last, turned, moved),
+                    snapshot(frame, &attitudes, moving),
+                );
+            } else {
+                self.limbs.interrupt();
+            }
         }
         self.first.get_or_insert(*frame);
     }
@@ -176,7 +196,7 @@ impl Watch {
 
     /// The implausible findings so far.
     pub(super) fn warnings(&self) -> Vec<Warning> {
-        let (Some(first), Some((last, _))) = (&self.first, &self.last) else {
+        let (Some(first), Some((last, ..))) = (&self.first, &self.last) else {
             return Vec::new();
         };
         let mut warnings = Vec::new();
@@ -211,15 +231,20 @@ impl Watch {
                 warnings.push(Warning::new(frame, message));
             }
         }
+        if let Some((frame, message)) = self.clock.backwards() {
+            warnings.push(Warning::new(frame, message));
+        }
         if let Some((frame, from, message)) = self.clock.repetitions() {
             warnings.push(Warning::fault(frame, [from, last.time], message));
         }
         let is_backwards = self.is_backwards();
+        let (rates, directions) = (self.rates(), self.directions());
+        let are_rates_sound = rates.is_none() && directions.is_none();
         if is_backwards {
             warnings.push(Warning::fault(last.index, whole, BACKWARDS.to_owned()));
-        } else if let Some((frame, message)) = self.rates() {
+        } else if let Some((frame, message)) = rates {
             warnings.push(Warning::fault(frame, whole, message));
-        } else if let Some((frame, message, is_fault)) = self.directions() {
+        } else if let Some((frame, message, is_fault)) = directions {
             warnings.push(Warning {
                 is_fault,
                 ..Warning::fault(frame, whole, message)
@@ -229,7 +254,13 @@ impl Watch {
             let message = format!(
                 "the body rises by {up:.1} m/s on average; expected a fall, with upward velocities positive"
             );
-            warnings.push(Warning::new(last.index, message));
+            warnings.push(Warning::fault(last.index, whole, message));
+        }
+        if let Some((message, is_impossible)) = self.paths.too_fast() {
+            warnings.push(Warning {
+                is_fault: is_impossible,
+                ..Warning::fault(last.index, whole, message)
+            });
         }
         if let Some((message, time)) = self.paths.velocity_jump() {
             warnings.push(Warning {
@@ -238,10 +269,15 @@ impl Watch {
             });
         }
         let contradiction = self.paths.contradiction();
+        let sound = [
+            are_rates_sound,
+            contradiction.is_none() && !self.paths.is_coarse(),
+        ];
         if let Some((message, span)) = contradiction.filter(|_| !is_backwards && !is_clock_wrong) {
             warnings.push(Warning::fault(last.index, span.unwrap_or(whole), message));
         }
         warnings.extend(self.segments.warnings());
+        warnings.extend(self.limbs.warnings((last.index, last.time), sound));
         warnings
     }
 
@@ -294,7 +330,7 @@ impl Watch {
         if correlation > 0.5 && !fits_segment {
             return None;
         }
-        let (what, is_known) = if self.global.one_is_empty() {
+        let (what, is_known) = if self.global.is_empty() {
             ("they are empty", true)
         } else if fits_segment {
             ("they match in segment axes; expected global axes", true)
@@ -304,9 +340,11 @@ impl Watch {
                 true,
             )
         } else {
+            let turns = f64::from(u32::try_from(self.turns).unwrap_or(u32::MAX).max(1));
+            let slowest = self.global.expected.min(self.global.found);
             (
-                "expected quaternions w x y z and rates in global axes",
-                false,
+                "expected quaternions w x y z, and rates in global axes and of the same time",
+                (slowest / turns).sqrt() > TURNS_FAST,
             )
         };
         Some((
@@ -356,11 +394,16 @@ mod tests {
         flight
     }
 
+    /// No velocities of segments.
+    fn nothing() -> SegmentArray<Moving> {
+        SegmentArray::from_fn(|_| Moving::default())
+    }
+
     fn seen(flight: &[FlightFrame]) -> Vec<Warning> {
         let mut watch = Watch::new(RATE);
         for frame in flight {
             let written = (frame.index as f64 * 1000.0 / RATE).round();
-            watch.see(frame, Some(written), None);
+            watch.see(frame, Some(written), None, &nothing());
         }
         watch.warnings()
     }
@@ -518,7 +561,8 @@ mod tests {
                 frame.time = index as f64 / RATE;
                 frame.pelvis.position = Vector::new(0.0, 0.0, -50.0 * index as f64 / real);
                 frame.pelvis.velocity = Some(Vector::new(0.0, 0.0, -50.0));
-                watch.see(&frame, Some((index as f64 * 1000.0 / 105.0).round()), None);
+                let written = (index as f64 * 1000.0 / 105.0).round();
+                watch.see(&frame, Some(written), None, &nothing());
             }
             watch.warnings()
         };
@@ -583,8 +627,9 @@ mod tests {
                 centre_of_mass: None,
                 bridged: false,
             };
-            watch.see(&frame, Some((index as f64 * 1000.0 / 240.0).round()), None);
-            seconds.see(&frame, Some(index as f64 / RATE), None);
+            let written = (index as f64 * 1000.0 / 240.0).round();
+            watch.see(&frame, Some(written), None, &nothing());
+            seconds.see(&frame, Some(index as f64 / RATE), None, &nothing());
         }
         let warnings = watch.warnings();
         assert!(

@@ -1,0 +1,87 @@
+//! Imported recordings that contradict themselves or are no flight, in several formats; docs/nonsense.md has the kinds.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use bodyflight_mvnx::xsens;
+use bodyflight_tests::program::{plain, text, written};
+use serde_json::Value;
+
+use crate::known::PROGRAM;
+use crate::markers::{points, points_mapping, trc};
+use crate::{bvh, c3d};
+
+/// Imports a file that is doubted, and returns its report and what it says without `--json`.
+fn doubted(folder: &Path, arguments: &[&str]) -> (Value, String) {
+    let out = plain(&folder.join("out")).to_owned();
+    let all = [&["import"], arguments, &["--out", &out, "--force"]].concat();
+    let (report, code) = PROGRAM.answer(&all);
+    assert_eq!(code, Some(5), "{report}");
+    // The flight is written all the same.
+    assert!(folder.join("out/flight.toml").exists());
+    let output = PROGRAM.run(&all);
+    assert_eq!(output.status.code(), Some(5));
+    (report, text(&output.stdout) + &text(&output.stderr))
+}
+
+fn says(found: &(Value, String), sentence: &str) {
+    let (report, said) = found;
+    let doubts = report["doubts"].as_array().expect("doubts");
+    let is_listed = doubts
+        .iter()
+        .any(|doubt| doubt.as_str().is_some_and(|doubt| doubt.contains(sentence)));
+    assert!(is_listed && said.contains(sentence), "{report}\n{said}");
+}
+
+#[test]
+fn a_frozen_channel_of_a_joint_is_doubted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = bvh::written(&xsens::t_pose(), str::to_owned);
+    let (head, rows) = file.split_once("Frame Time: 0.005\n").expect("a motion");
+    // Three numbers of the root's place, then three for each joint in the order of the file.
+    let joints: Vec<&str> = head
+        .lines()
+        .filter_map(|line| line.strip_prefix("JOINT ").or(line.strip_prefix("ROOT ")))
+        .collect();
+    let at = joints.iter().position(|name| *name == "RightForeArm");
+    let first = 3 + 3 * at.expect("a forearm");
+    let mut kept: Vec<String> = Vec::new();
+    let mut text = format!("{head}Frame Time: 0.005\n");
+    for (index, row) in rows.lines().enumerate() {
+        let mut cells: Vec<String> = row.split_whitespace().map(str::to_owned).collect();
+        let own = &mut cells[first..first + 3];
+        if index == 90 {
+            kept = own.to_vec();
+        } else if index > 90 {
+            own.clone_from_slice(&kept);
+        }
+        let _ = writeln!(text, "{}", cells.join(" "));
+    }
+    let file = written(folder.path(), "frozen.bvh", &text);
+    let found = doubted(folder.path(), &[&file]);
+    says(
+        &found,
+        "the joint of r_forearm keeps exactly the same angle from 0.4",
+    );
+}
+
+#[test]
+fn a_person_who_stands_is_no_flight_in_any_format() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (names, mut frames) = points();
+    let first = frames.swap_remove(0);
+    let stands: Vec<Vec<[f64; 3]>> = (0..600)
+        .map(|index| {
+            let sway = 5.0 * (0.02 * f64::from(index)).sin();
+            first.iter().map(|[x, y, z]| [x + sway, *y, *z]).collect()
+        })
+        .collect();
+    let map = points_mapping(folder.path());
+    let c3d = folder.path().join("stands.c3d");
+    std::fs::write(&c3d, c3d::written(&names, &stands)).expect("written");
+    let trc = written(folder.path(), "stands.trc", &trc(&names, &stands));
+    for file in [plain(&c3d), &trc] {
+        let found = doubted(folder.path(), &[file, "--mapping", &map]);
+        says(&found, "for 100 % of the time something carries the body");
+    }
+}
