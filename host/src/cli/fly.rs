@@ -24,8 +24,7 @@ use super::view::{command, open};
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  bodyflight fly --open\n  bodyflight fly subject.toml --save flights\n  \
-                  bodyflight fly --out fly.html   (a page to send to others; it saves flights as CSV)\n  \
-                  bodyflight fly subject.toml --from flight.csv   (makes a recording of such a file)\n\n\
+                  bodyflight fly --out fly.html   (a page to send to others; it saves flights as CSV, for --from)\n\n\
                   Runs until Ctrl-C."
 )]
 pub(super) struct Args {

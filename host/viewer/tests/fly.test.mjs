@@ -421,7 +421,7 @@ test("a page without a program saves a file of which the program makes a recordi
   assert.ok(report.rms.yaw_rate_radps < 1e-3 && report.frames > 400, JSON.stringify(report));
   assert.ok(report.amplitude.yaw_rate_radps > 0.1, "it turned");
   const subject = join(folder, "heavy.toml");
-  writeFileSync(subject, "height_m = 1.8\nmass_kg = 99\n");
+  writeFileSync(subject, 'height_m = 1.8\nmass_kg = 99\nsex = "male"\n');
   const { code, err } = await begin("fly", subject, "--from", saved, "--save", flown).end;
   assert.equal(code, 2, err);
   assert.match(err, /whose mass is .* kg, found one of/);
