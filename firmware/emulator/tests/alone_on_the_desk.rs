@@ -130,7 +130,7 @@ const KINDS: [Kind; 9] = [
             ..SensorBytes::TYPICAL
         },
         limits: [0.3, 0.4],
-        consistent: ALL,
+        consistent: [0.9, 1.0],
     },
 ];
 
@@ -275,7 +275,8 @@ fn a_velocity_that_is_only_assumed_agrees_with_nothing() {
             worst < if is_prompt { 2.5 } else { 8.0 },
             "{place}: {worst}"
         );
-        assert!(!is_prompt || agreeing > 0.8 * all, "{place}: {agreeing}");
+        // The barometer lags behind the acceleration of an exit, and is the only one to say so at 1 Hz.
+        assert!(!is_prompt || agreeing > 0.7 * all, "{place}: {agreeing}");
     }
 }
 

@@ -57,7 +57,7 @@ mod tests {
     fn a_wrong_rate_is_found_and_forgotten() {
         let mut tempo = Tempo::new();
         let mut after = |interval: u64, samples| {
-            (0..500).for_each(|_| tempo.take(interval, samples, 240.0));
+            (0..1000).for_each(|_| tempo.take(interval, samples, 240.0));
             tempo.is_wrong()
         };
         assert!(after(5_000, 1));

@@ -22,8 +22,7 @@ struct Last {
     velocity: Vector3<f32>,
     time_of_week: u32,
     /// Time of arrival less that of the receiver for the promptest solution so far, and when it was taken (ms; wrap).
-    least: i32,
-    taken: u32,
+    least: Option<(i32, u32)>,
 }
 
 impl Receiver {
@@ -42,8 +41,7 @@ impl Receiver {
             self.last = Some(Last {
                 velocity: *velocity,
                 time_of_week: 0,
-                least: 0,
-                taken: 0,
+                least: None,
             });
         }
         self.repeats < REPEATS
@@ -56,16 +54,18 @@ impl Receiver {
             return 0.0;
         };
         let is_new = core::mem::replace(&mut last.time_of_week, time_of_week) != time_of_week;
-        let difference = now.wrapping_sub(time_of_week).cast_signed();
-        let drift = now.wrapping_sub(last.taken).cast_signed() / DRIFT;
-        let late = difference.wrapping_sub(last.least.wrapping_add(drift));
         if !is_new {
             return 0.0;
         }
-        if !(0..EPOCH).contains(&late) {
-            (last.least, last.taken) = (difference, now);
+        let difference = now.wrapping_sub(time_of_week).cast_signed();
+        let late = last.least.map(|(least, taken)| {
+            let drift = now.wrapping_sub(taken).cast_signed() / DRIFT;
+            difference.wrapping_sub(least.wrapping_add(drift))
+        });
+        let Some(late) = late.filter(|late| (0..EPOCH).contains(late)) else {
+            last.least = Some((difference, now));
             return 0.0;
-        }
+        };
         // Exact: below 2^24.
         late as f32 * 1e-3
     }
@@ -78,7 +78,7 @@ mod tests {
     #[test]
     fn a_solution_is_as_late_as_the_receivers_own_time_says() {
         let mut receiver = Receiver::default();
-        let mut late = |time_of_week, now| {
+        let mut late = |time_of_week, now: u32| {
             receiver.measures(&Vector3::x(), false);
             receiver.lateness(time_of_week, now)
         };
@@ -96,6 +96,15 @@ mod tests {
         ] {
             let found = late(time_of_week, start.wrapping_add(after));
             assert!((found - expected).abs() < 1e-6, "{after}: {found}");
+        }
+    }
+
+    #[test]
+    fn the_first_solution_is_taken_as_prompt() {
+        let mut receiver = Receiver::default();
+        for (time_of_week, now) in [(1_000, 4_100), (1_200, 4_300)] {
+            receiver.measures(&Vector3::x(), false);
+            assert!(receiver.lateness(time_of_week, now) < 1e-6);
         }
     }
 

@@ -202,9 +202,9 @@ fn a_wrong_posture_misleads_nobody_about_the_motion() {
             let (lie, quantity) = longest_lie(&found, &(0.0..LENGTH));
             let agreeing = agreeing(&found, 3.0..LENGTH);
             println!("{name}, {kind}: {agreeing:.2} agree, {lie:.2} s {quantity}");
-            // A mirrored posture is as likely as the right one until muscle input follows from it.
+            // A mirrored posture shows as muscle input that reverses: in the motion nothing is wrong.
             let longest = if quantity == "muscle input" {
-                1.0
+                2.0
             } else {
                 LONGEST
             };
