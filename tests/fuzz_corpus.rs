@@ -1,6 +1,7 @@
 //! Replays the corpora of `fuzz/` on stable, with small changes to each entry.
 
 use std::path::PathBuf;
+use std::time::Instant;
 
 use bodyflight_core::link::fault::Random;
 use bodyflight_tests::fuzz_targets::TARGETS;
@@ -74,12 +75,16 @@ fn entries_find_nothing() {
 fn changed_entries_find_nothing() {
     let mut random = Random::new(21);
     for (name, target) in TARGETS {
-        for (path, bytes) in corpus(name) {
+        let entries = corpus(name);
+        let (begin, count) = (Instant::now(), entries.len() * CHANGED);
+        for (path, bytes) in entries {
             for _ in 0..CHANGED {
                 let bytes = changed(&bytes, &mut random);
                 run(target, &bytes, &format!("{} changed", path.display()));
             }
         }
+        let rate = count as f64 / begin.elapsed().as_secs_f64();
+        println!("{name}: {count} inputs, {rate:.0} a second");
     }
 }
 

@@ -251,7 +251,8 @@ fn a_mistake_in_axes_is_detected() {
             "--force",
         ]);
         let said = text(&output.stdout);
-        assert!(output.status.success(), "{}", text(&output.stderr));
+        let code = output.status.code();
+        assert_eq!(code, Some(if is_wrong { 5 } else { 0 }), "{said}");
         assert_eq!(said.contains("knees are bent forwards"), is_wrong, "{said}");
         assert!(said.contains("no subject was given"), "{said}");
     }

@@ -104,8 +104,10 @@ fn mapping(folder: &Path) -> String {
 
 fn slips(folder: &Path, file: &str, map: &str) -> Vec<Value> {
     let out = plain(&folder.join("out")).to_owned();
-    let report = PROGRAM.json(&["import", file, "--mapping", map, "--out", &out, "--force"]);
+    let (report, code) =
+        PROGRAM.answer(&["import", file, "--mapping", map, "--out", &out, "--force"]);
     let slips = report["slips"].as_array().expect("slips").clone();
+    assert_eq!(code, Some(if slips.is_empty() { 0 } else { 5 }), "{report}");
     for slip in &slips {
         let message = &slip["message"];
         let warnings = report["warnings"].as_array().expect("warnings");

@@ -55,11 +55,17 @@ fn log(folder: &Path) -> Log {
     let frames = recording.into_iter().skip(normal.unwrap_or(usize::MAX));
     let estimates = lines("estimates.csv");
     assert!(!folder.join("log/2").exists(), "there was one flight");
+    // The flags say whether the unit was in time, which depends on what else runs on the machine.
+    let without_flags = |line: &String| {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        cells.remove(1);
+        cells.join(",")
+    };
     Log {
         frames: frames
             .filter(|line| line.contains("<orientation>"))
             .collect(),
-        estimates: estimates.into_iter().skip(1).collect(),
+        estimates: estimates.iter().skip(1).map(without_flags).collect(),
         is_damaged: code == Some(4),
     }
 }

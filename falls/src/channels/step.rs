@@ -16,6 +16,9 @@ const SCATTER: f64 = 0.2;
 /// Jumps beyond which a receiver has not merely found another height a few times.
 const MOST: usize = 4;
 
+/// Share of rows that leap, whether or not they stay there, above which they are not one track.
+const LEAPS: f64 = 0.05;
+
 /// Moves the heights before each jump so that they meet those after it, which end on the ground. Returns whether the
 /// heights can be trusted: those of two tracks in one file jump to and fro.
 pub(super) fn checked(samples: &mut [Sample], findings: &mut Vec<Finding>) -> bool {
@@ -31,24 +34,30 @@ pub(super) fn checked(samples: &mut [Sample], findings: &mut Vec<Finding>) -> bo
         })
         .collect();
     let mut jumps = Vec::new();
+    let mut leaps = Vec::new();
     for index in 1..left.len() {
         let [before, after] = [left[index - 1], left[index]];
         let jump = after.height() - before.height();
-        if jump.abs() > JUMPS
-            && after.time - before.time <= gap
-            && stays(
-                between(&left, [before.time - STAYS, before.time]),
-                before.height(),
-                jump,
-            )
-            && stays(
-                between(&left, [after.time, after.time + STAYS]),
-                after.height(),
-                jump,
-            )
-        {
+        if jump.abs() <= JUMPS || after.time - before.time > gap {
+            continue;
+        }
+        leaps.push((index, jump));
+        if stays(
+            between(&left, [before.time - STAYS, before.time]),
+            before.height(),
+            jump,
+        ) && stays(
+            between(&left, [after.time, after.time + STAYS]),
+            after.height(),
+            jump,
+        ) {
             jumps.push((index, jump));
         }
+    }
+    #[expect(clippy::cast_precision_loss, reason = "counts of rows")]
+    let is_mixed = leaps.len() as f64 > LEAPS * samples.len() as f64;
+    if is_mixed {
+        jumps = leaps;
     }
     let is_trusted = jumps.len() <= MOST;
     for (index, jump) in jumps.iter().filter(|_| is_trusted) {
