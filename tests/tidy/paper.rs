@@ -25,7 +25,7 @@ fn figures() -> Option<BTreeSet<String>> {
 /// What is wrong with a command of the page, such as `bodyflight reproduce tracking`; `texts` are all sources.
 fn fault(command: &str, texts: &str) -> Option<String> {
     let words: Vec<&str> = command.split(' ').collect();
-    let ["bodyflight", verb, rest @ ..] = words[..] else {
+    let ["bodyflight", verb, rest @ ..] = words.as_slice() else {
         return Some(format!("`{command}` is no command of the program"));
     };
     if !root().join(format!("host/src/cli/{verb}.rs")).is_file() {

@@ -87,19 +87,7 @@ pub fn write(
         return Err(Problem::doubt(doubt.clone())
             .help("no figure was drawn; bodyflight inspect says what the recording contains"));
     }
-    let rows = estimation.points.iter().map(|point| point.inputs);
-    // Known inputs take precedence over estimated ones.
-    let flown = match &flight.inputs {
-        Some(_) => flight.clone(),
-        None => Flight {
-            inputs: Some(InputHistory::new(rows.collect())),
-            muscles: match tuning {
-                Tuning::Windows(preset) => preset.muscles,
-                Tuning::Motion { .. } => flight.muscles,
-            },
-            ..flight.clone()
-        },
-    };
+    let flown = with_inputs(flight, tuning, &estimation);
     let [from, to] = settings.between;
     let [from, to] = [
         from.unwrap_or(f64::NEG_INFINITY),
@@ -155,6 +143,22 @@ pub fn write(
         figures: written,
         doubt,
     })
+}
+
+/// The flight with its known inputs, which take precedence, or the estimated ones.
+fn with_inputs(flight: &Flight, tuning: &Tuning, estimation: &Estimation) -> Flight {
+    if flight.inputs.is_some() {
+        return flight.clone();
+    }
+    let rows = estimation.points.iter().map(|point| point.inputs);
+    Flight {
+        inputs: Some(InputHistory::new(rows.collect())),
+        muscles: match tuning {
+            Tuning::Windows(preset) => preset.muscles,
+            Tuning::Motion { .. } => flight.muscles,
+        },
+        ..flight.clone()
+    }
 }
 
 /// Measured and reconstructed channels: those that the preset measures, or all that the paper's figures show.

@@ -8,15 +8,13 @@
 //! muscle forces, which is the model that the paper's filter has.
 
 pub mod experiments;
+mod flown;
 mod matched;
 pub mod report;
 
 use std::path::{Path, PathBuf};
 
 use bodyflight_core::estimator::motion::settings::MOTION;
-use bodyflight_core::estimator::preset::Preset;
-use bodyflight_core::maneuver::Maneuver;
-use bodyflight_core::sensor_noise::SensorNoise;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -28,16 +26,13 @@ use bodyflight_estimation::windows::estimate;
 use bodyflight_estimation::{Filter, motion};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
-use bodyflight_laboratory::synthesize::{self, Additions, DEFAULT_SWAY, JointError, Request};
+use bodyflight_laboratory::synthesize::Additions;
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
-use bodyflight_replay::flight::{DEFAULT_DENSITY, Flight};
-use bodyflight_replay::subject::Subject;
+use bodyflight_replay::flight::Flight;
 use experiments::{EXPERIMENTS, Experiment};
+use flown::{fly, preset};
 use report::{Outcome, Parts};
-
-/// Seed of sway and noise.
-const SEED: u64 = 1;
 
 /// Result of a reproduction.
 #[derive(Debug, Clone, Serialize)]
@@ -138,31 +133,6 @@ fn parts(wanted: impl Fn(&str) -> bool, folder: &Path, progress: &dyn Fn()) -> R
         levers,
         settings,
     })
-}
-
-fn fly(
-    maneuver: &str,
-    tunnel: bool,
-    additions: Additions<'_>,
-    folder: &Path,
-) -> Result<synthesize::Report> {
-    let maneuver = Maneuver::from_name(maneuver)
-        .ok_or_else(|| Problem::internal(format!("there is no maneuver {maneuver}")))?;
-    let request = Request {
-        maneuver,
-        subject: &Subject::default(),
-        density: DEFAULT_DENSITY,
-        seed: SEED,
-        noise: SensorNoise::PAPER,
-        joint_error: JointError::default(),
-        sway: DEFAULT_SWAY,
-        tunnel,
-    };
-    synthesize::synthesize_with(&request, additions, folder, &mut |_| {})
-}
-
-fn preset(name: &str) -> Result<&'static Preset> {
-    Preset::from_name(name).ok_or_else(|| Problem::internal(format!("there is no preset {name}")))
 }
 
 /// Varies each parameter by 30 % in the turns of an experienced skydiver, and draws the result.

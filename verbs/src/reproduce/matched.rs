@@ -18,7 +18,7 @@ use bodyflight_replay::flight::Flight;
 use rayon::prelude::*;
 
 use super::experiments::{Experiment, Procedure};
-use super::{fly, preset};
+use super::flown::{fly, preset};
 use crate::simulate::simulate;
 
 /// The matched flight of an experiment: largest value of each channel, and gap of the paper's own procedure.
