@@ -20,8 +20,8 @@ const BACK: [f64; 3] = [0.33, 0.38, 0.48];
 const MARK: [f64; 3] = [0.15, 0.65, 0.30];
 const SKY: [[f64; 3]; 2] = [[0.93, 0.95, 0.97], [0.62, 0.77, 0.93]];
 /// Distance of the goal's mark from the pelvis, and its half extents along and across its direction (m).
-const MARK_DISTANCE: f64 = 0.85;
-const MARK_EXTENTS: [f64; 2] = [0.22, 0.03];
+const MARK_DISTANCE: f64 = 1.05;
+const MARK_EXTENTS: [f64; 2] = [0.2, 0.03];
 
 /// An ellipsoid, as the camera sees it: right, up, towards the viewer.
 struct Ellipsoid {

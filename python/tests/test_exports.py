@@ -157,7 +157,7 @@ def test_the_schemas_are_those_that_foxglove_publishes(exported):
 def test_files_say_whose_flight_they_hold_and_how_they_were_made(exported, turn):
     parquet = pytest.importorskip("pyarrow.parquet")
     reader = pytest.importorskip("mcap.reader")
-    stored = parquet.read_schema(exported["parquet"]).metadata
+    stored = parquet.read_metadata(exported["parquet"]).metadata
     of_table = {name.decode(): text.decode() for name, text in stored.items()}
     with open(exported["mcap"], "rb") as file:
         (record,) = reader.make_reader(file).iter_metadata()
