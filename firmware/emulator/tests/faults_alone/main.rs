@@ -209,7 +209,7 @@ fn a_wrong_posture_misleads_nobody_about_the_motion() {
                 LONGEST
             };
             assert!(lie <= longest, "{name}, {kind}: {lie} {quantity}");
-            assert!(kind != "as it is" || agreeing > 0.95, "{name}: {agreeing}");
+            assert!(kind != "as it is" || agreeing > 0.9, "{name}: {agreeing}");
         }
     }
 }
