@@ -25,7 +25,7 @@ use recorded::Recorded;
 
 /// Columns of the tables of whole recordings and of parts.
 const VERBS: [&str; 5] = ["inspect", "simulate", "estimate", "discover", "view"];
-const VERBS_OF_PARTS: [&str; 3] = ["inspect", "simulate", "estimate"];
+const VERBS_OF_PARTS: [&str; 2] = ["inspect", "simulate"];
 
 fn bodyflight(arguments: &[&str]) -> (String, Option<i32>) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_bodyflight"));
@@ -143,7 +143,8 @@ fn every_verb_that_reads_a_flight_says_its_doubt() {
     let [good, bad, csv, drawn] = ["good", "bad", "a.csv", "drawn"].map(at);
     let validated = ["validate", &bad];
     for arguments in [
-        &["export", &bad, "--out", &csv][..],
+        &["estimate", &bad][..],
+        &["export", &bad, "--out", &csv],
         &["compare", &good, &bad, "--align", "start"],
         &["compare", &bad, &good, "--align", "start"],
         &["technique", &bad],
