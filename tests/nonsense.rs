@@ -19,9 +19,9 @@ use std::path::Path;
 use std::process::Command;
 
 use bodyflight_tests::program::text;
-use kinds::{KINDS, Kind};
+use kinds::KINDS;
 use mixed::MIXED;
-use recorded::Recorded;
+use recorded::{Kind, Recorded};
 
 /// Columns of the tables of whole recordings and of parts.
 const VERBS: [&str; 5] = ["inspect", "simulate", "estimate", "discover", "view"];

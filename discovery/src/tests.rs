@@ -330,8 +330,9 @@ fn jumps(seed: u64, duration: f64, hidden: &[Hidden]) -> Vec<RecordedFlight> {
         ..laboratory::Settings::default()
     };
     let flight = flown(hidden, &settings);
-    let frames = (duration * flight.rate()).round() as usize;
-    let pieces = flight.samples.chunks_exact(frames + 1);
+    let after = |sample: &&FlightSample| sample.time > flight.samples[0].time + duration;
+    let frames = flight.samples.iter().position(|sample| after(&sample));
+    let pieces = flight.samples.chunks_exact(frames.unwrap());
     let inputs = flight.inputs[0];
     pieces
         .map(|piece| RecordedFlight::new(piece, flight.dynamics, |_| inputs))

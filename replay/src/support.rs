@@ -113,7 +113,7 @@ impl Support {
                  {SPEED} m/s: it is on the ground, in an aircraft, or in a wind tunnel whose air [air] velocity does not state"
             )
         };
-        (percent > 100.0 * SHARE && self.carried >= LEAST).then(|| Warning {
+        (percent > 100.0 * SHARE && self.carried >= LEAST).then_some(Warning {
             frame,
             message,
             segment: None,

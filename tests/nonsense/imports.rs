@@ -2,8 +2,7 @@
 
 use core::fmt::Write;
 
-use super::kinds::Kind;
-use super::recorded::{Recorded, decimal};
+use super::recorded::{Kind, Recorded, decimal};
 
 /// Segments of the model, and the place of the one in the recording that leads it.
 const SEGMENTS: [(&str, usize); 16] = [

@@ -2,7 +2,7 @@
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use super::recorded::Frame;
+use super::recorded::{Frame, Kind, edited, frames, kept};
 
 const SEGMENTS: usize = 23;
 const LEFT_ARM: usize = 11;
@@ -11,48 +11,6 @@ pub(super) const RIGHT_FOREARM: usize = 9;
 pub(super) const LEFT_HAND: usize = 14;
 const RIGHT_LEG: usize = 15;
 const LEFT_LEG: usize = 19;
-
-/// A change of a recording.
-pub(super) enum Change {
-    /// Of each frame by its number; the second argument is the unchanged recording.
-    Frames(fn(usize, &[Frame], &mut Frame)),
-    /// Of one text in a file for another.
-    Text(&'static str, &'static str, &'static str),
-    /// Only the frames with these numbers.
-    Kept(fn(usize) -> bool),
-}
-
-/// A kind of nonsense.
-pub(super) struct Kind {
-    pub(super) name: &'static str,
-    pub(super) change: Change,
-}
-
-pub(super) const fn frames(name: &'static str, change: fn(usize, &[Frame], &mut Frame)) -> Kind {
-    Kind {
-        name,
-        change: Change::Frames(change),
-    }
-}
-
-pub(super) const fn edited(
-    name: &'static str,
-    file: &'static str,
-    from: &'static str,
-    to: &'static str,
-) -> Kind {
-    Kind {
-        name,
-        change: Change::Text(file, from, to),
-    }
-}
-
-pub(super) const fn kept(name: &'static str, keeps: fn(usize) -> bool) -> Kind {
-    Kind {
-        name,
-        change: Change::Kept(keeps),
-    }
-}
 
 pub(super) fn scale(of: &mut [Vector3<f64>], factor: f64) {
     of.iter_mut().for_each(|vector| *vector *= factor);

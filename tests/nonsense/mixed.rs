@@ -4,8 +4,8 @@ use core::ops::Range;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use super::kinds::{Kind, LEFT_HAND, RIGHT_FOREARM, edited, frames, kept, scale};
-use super::recorded::Frame;
+use super::kinds::{LEFT_HAND, RIGHT_FOREARM, scale};
+use super::recorded::{Frame, Kind, edited, frames, kept};
 
 const HEAD: usize = 6;
 const LEFT_FOREARM: usize = 13;

@@ -6,7 +6,47 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::kinds::{Change, Kind};
+/// A change of a recording.
+pub(super) enum Change {
+    /// Of each frame by its number; the second argument is the unchanged recording.
+    Frames(fn(usize, &[Frame], &mut Frame)),
+    /// Of one text in a file for another.
+    Text(&'static str, &'static str, &'static str),
+    /// Only the frames with these numbers.
+    Kept(fn(usize) -> bool),
+}
+
+/// A kind of nonsense.
+pub(super) struct Kind {
+    pub(super) name: &'static str,
+    pub(super) change: Change,
+}
+
+pub(super) const fn frames(name: &'static str, change: fn(usize, &[Frame], &mut Frame)) -> Kind {
+    Kind {
+        name,
+        change: Change::Frames(change),
+    }
+}
+
+pub(super) const fn edited(
+    name: &'static str,
+    file: &'static str,
+    from: &'static str,
+    to: &'static str,
+) -> Kind {
+    Kind {
+        name,
+        change: Change::Text(file, from, to),
+    }
+}
+
+pub(super) const fn kept(name: &'static str, keeps: fn(usize) -> bool) -> Kind {
+    Kind {
+        name,
+        change: Change::Kept(keeps),
+    }
+}
 
 /// Elements of a frame.
 const ELEMENTS: [&str; 5] = [
@@ -155,7 +195,8 @@ impl Frame {
 /// Adds a number with six decimals and a space: what takes most of the time of writing a recording.
 pub(super) fn decimal(number: f64, text: &mut String) {
     let millionths = number.abs() * 1e6;
-    if !(millionths < 1e15) {
+    // Also what is no number.
+    if millionths.is_nan() || millionths >= 1e15 {
         let _ = write!(text, "{number:.6} ");
         return;
     }

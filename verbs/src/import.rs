@@ -182,45 +182,9 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
     std::fs::create_dir_all(request.folder)
         .map_err(|error| Problem::system("create", request.folder, error))?;
     let body = request.subject.body();
-    let recording = request.folder.join(RECORDING_FILE);
-    let name = request
-        .file
-        .file_name()
-        .unwrap_or_default()
-        .to_string_lossy();
-    let description = Description {
-        subject_label: "Imported".to_owned(),
-        frame_rate: source.timing.rate,
-        start_unix_ms: 0,
-        comment: format!("bodyflight import {name}"),
-        origin: Origin::Imported { has_places },
-    };
-    let mut writer = Writer::create(&recording, description, &body)?;
-    let mut knees = Knees::default();
-    let mut drawn = None;
-    for place in 0..source.frames() {
-        let frame =
-            flight_frame(&mut source, place).map_err(|problem| problem.in_file(request.file))?;
-        knees.see(&frame.posture);
-        drawn.get_or_insert(frame);
-        writer.write(&frame)?;
-        if place % 1000 == 0 {
-            progress(place as f64 / source.frames() as f64);
-            interrupt::check()?;
-        }
-    }
-    writer.finish()?;
-    let picture = request.folder.join(PICTURE_FILE);
-    if let Some(frame) = drawn {
-        let drawing = limbs::svg(
-            &name,
-            &body,
-            &frame.posture,
-            frame.pelvis.inertial_from_body,
-        );
-        write_file(&picture, drawing.as_bytes())?;
-    }
+    let (knees, drawn) = write_recording(request, &mut source, &body, has_places, progress)?;
     // The same checks as in any other verb.
+    let recording = request.folder.join(RECORDING_FILE);
     let seen = match seen(request, &recording, &body) {
         Ok(seen) => seen,
         Err(problem) => {
@@ -234,24 +198,14 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
             .help("check the units and axes of its positions and its rate: [world] and [time] in the mapping"));
         }
     };
+    let picture = request.folder.join(PICTURE_FILE);
+    if let Some(drawing) = drawn {
+        write_file(&picture, drawing.as_bytes())?;
+    }
     let flight = write_flight(request)?;
     let (mut warnings, mut doubts) = warnings(request, &source, &knees, has_places);
     warnings.extend(seen.warnings.iter().map(ToString::to_string));
-    let faults = seen.warnings.iter().chain(&seen.of_fall);
-    doubts.extend(
-        faults
-            .filter(|warning| warning.is_fault)
-            .map(|warning| warning.message.clone()),
-    );
-    let does = seen.activity.unwrap_or("does nothing known");
-    let verdict = if doubts.is_empty() {
-        format!("nothing contradicts it; the body {does} for most of the time")
-    } else {
-        format!(
-            "doubtful: the body {does} for most of the time; {}",
-            doubts.join("; ")
-        )
-    };
+    doubts.extend(seen.faults());
     let last = source.timing.indices.last().copied().unwrap_or(0);
     Ok(Report {
         flight,
@@ -269,13 +223,53 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
             })
             .collect(),
         warnings,
+        verdict: seen.verdict(&doubts),
         doubts,
-        verdict,
         slips: (source.slips.iter())
             .map(|slip| Slip::of(slip, source.first_s))
             .collect(),
         letters: seen.picture,
     })
+}
+
+/// Writes the frames, and returns what their knees do and a drawing of the first.
+fn write_recording(
+    request: &Request<'_>,
+    source: &mut Source,
+    body: &Body<f64>,
+    has_places: bool,
+    progress: &mut dyn FnMut(f64),
+) -> Result<(Knees, Option<String>)> {
+    let name = request
+        .file
+        .file_name()
+        .unwrap_or_default()
+        .to_string_lossy();
+    let description = Description {
+        subject_label: "Imported".to_owned(),
+        frame_rate: source.timing.rate,
+        start_unix_ms: 0,
+        comment: format!("bodyflight import {name}"),
+        origin: Origin::Imported { has_places },
+    };
+    let mut writer = Writer::create(&request.folder.join(RECORDING_FILE), description, body)?;
+    let mut knees = Knees::default();
+    let mut drawn = None;
+    for place in 0..source.frames() {
+        let frame = flight_frame(source, place).map_err(|problem| problem.in_file(request.file))?;
+        knees.see(&frame.posture);
+        drawn.get_or_insert_with(|| {
+            let attitude = frame.pelvis.inertial_from_body;
+            limbs::svg(&name, body, &frame.posture, attitude)
+        });
+        writer.write(&frame)?;
+        if place % 1000 == 0 {
+            progress(place as f64 / source.frames() as f64);
+            interrupt::check()?;
+        }
+    }
+    writer.finish()?;
+    Ok((knees, drawn))
 }
 
 /// What the flight shows that was written.
@@ -284,6 +278,25 @@ struct Seen {
     of_fall: Vec<Warning>,
     activity: Option<&'static str>,
     picture: String,
+}
+
+impl Seen {
+    /// What contradicts itself, or is no fall.
+    fn faults(&self) -> impl Iterator<Item = String> {
+        let all = self.warnings.iter().chain(&self.of_fall);
+        all.filter(|warning| warning.is_fault)
+            .map(|warning| warning.message.clone())
+    }
+
+    /// What the body does, and why that is doubtful.
+    fn verdict(&self, doubts: &[String]) -> String {
+        let does = self.activity.unwrap_or("does nothing known");
+        if doubts.is_empty() {
+            return format!("nothing contradicts it; the body {does} for most of the time");
+        }
+        let doubts = doubts.join("; ");
+        format!("doubtful: the body {does} for most of the time; {doubts}")
+    }
 }
 
 fn seen(request: &Request<'_>, recording: &Path, body: &Body<f64>) -> Result<Seen> {

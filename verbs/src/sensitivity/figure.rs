@@ -131,12 +131,15 @@ mod tests {
             factor,
             change: PerChannel::default(),
             reconstruction: None,
+            diverged: None,
         };
         let report = Report {
             amplitude: PerChannel::default(),
             effects: vec![effect(0.7), effect(1.3)],
             reconstruction: None,
             measured_amplitude: None,
+            warnings: Vec::new(),
+            diverged: None,
         };
         let svg = report.svg("a < b");
         // Two points in each column, and two in the legend.

@@ -2,8 +2,11 @@
 
 use bodyflight_emulator::tampered::Sent;
 
+/// A change of the packets from one on.
+type Fault = fn(&mut [Sent], usize);
+
 /// Faults of the clock and the counter, which begin at a packet and last; and after how many packets what comes is clean.
-pub const CLOCKS: [(&str, fn(&mut [Sent], usize), usize); 14] = [
+pub const CLOCKS: [(&str, Fault, usize); 14] = [
     ("restart at once", |all, first| restart(all, first, 0), 0),
     (
         "restart after 100 packets of silence",

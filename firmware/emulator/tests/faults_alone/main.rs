@@ -167,8 +167,11 @@ fn nobody_who_is_carried_is_estimated_as_falling() {
     }
 }
 
+/// The posture that a host tells at a frame.
+type Told = fn(&[FlightFrame], usize) -> Posture<f64>;
+
 /// What a host may say of the posture, wrongly.
-const POSTURES: [(&str, fn(&[FlightFrame], usize) -> Posture<f64>); 5] = [
+const POSTURES: [(&str, Told); 5] = [
     ("as it is", |frames, at| frames[at].posture),
     ("frozen", |frames, _| frames[0].posture),
     ("frozen in flight", |frames, at| {

@@ -78,8 +78,13 @@ struct Part {
     jumps: u64,
 }
 
-/// What contradicts in a part, in words.
-type Check = fn(&Part) -> Option<String>;
+/// What is checked of a limb: whether the pelvis is sound in it, its name, what contradicts, and whether it is absent.
+type Check = (
+    bool,
+    &'static str,
+    fn(&Part) -> Option<String>,
+    fn(&Part) -> bool,
+);
 
 /// What has been seen of the segments.
 #[derive(Debug, Clone, Default)]
@@ -127,7 +132,7 @@ impl Limbs {
             return Vec::new();
         };
         let mut warnings = self.jumps(parts);
-        let kinds: [(bool, &str, Check, fn(&Part) -> bool); 2] = [
+        let kinds: [Check; 2] = [
             (sound[0], "angular velocities", Part::rates_apart, |part| {
                 part.rates.is_empty()
             }),

@@ -199,44 +199,13 @@ impl Watch {
         let (Some(first), Some((last, ..))) = (&self.first, &self.last) else {
             return Vec::new();
         };
-        let mut warnings = Vec::new();
-        let mut warn = |frame: u64, message: String| warnings.push(Warning::new(frame, message));
-        let duration = last.time - first.time;
         let whole = [first.time, last.time];
-        if duration < SHORTEST {
-            warn(
-                last.index,
-                format!(
-                    "the flight ends after {duration:.2} s; less than {SHORTEST} s is too short to judge"
-                ),
-            );
-        }
-        if let Some((frame, length)) = self.largest_gap {
-            warn(
-                frame,
-                format!(
-                    "{length:.2} s without frames before it, {} gaps over {BRIDGE_LIMIT} s in all; limbs are assumed to \
-                     move evenly across them",
-                    self.gaps
-                ),
-            );
-        }
-        let scale = self.paths.scale();
-        let mut is_clock_wrong = false;
-        if let Some((frame, message, is_wrong)) = self.clock.rates(scale) {
-            is_clock_wrong = is_wrong;
-            if is_wrong {
-                warnings.push(Warning::fault(frame, whole, message));
-            } else {
-                warnings.push(Warning::new(frame, message));
-            }
-        }
-        if let Some((frame, message)) = self.clock.backwards() {
-            warnings.push(Warning::new(frame, message));
-        }
-        if let Some((frame, from, message)) = self.clock.repetitions() {
-            warnings.push(Warning::fault(frame, [from, last.time], message));
-        }
+        let mut warnings = self.of_length(last.index, last.time - first.time);
+        let of_clock = self.of_clock(whole);
+        let is_clock_wrong = of_clock
+            .iter()
+            .any(|warning| warning.is_fault && warning.span_s == Some(whole));
+        warnings.extend(of_clock);
         let is_backwards = self.is_backwards();
         let (rates, directions) = (self.rates(), self.directions());
         let are_rates_sound = rates.is_none() && directions.is_none();
@@ -250,24 +219,7 @@ impl Watch {
                 ..Warning::fault(frame, whole, message)
             });
         }
-        if let Some(up) = self.paths.rises(duration) {
-            let message = format!(
-                "the body rises by {up:.1} m/s on average; expected a fall, with upward velocities positive"
-            );
-            warnings.push(Warning::fault(last.index, whole, message));
-        }
-        if let Some((message, is_impossible)) = self.paths.too_fast() {
-            warnings.push(Warning {
-                is_fault: is_impossible,
-                ..Warning::fault(last.index, whole, message)
-            });
-        }
-        if let Some((message, time)) = self.paths.velocity_jump() {
-            warnings.push(Warning {
-                span_s: Some([time, time]),
-                ..Warning::new(last.index, message)
-            });
-        }
+        warnings.extend(self.of_path(last.index, whole));
         let contradiction = self.paths.contradiction();
         let sound = [
             are_rates_sound,
@@ -279,6 +231,62 @@ impl Watch {
         warnings.extend(self.segments.warnings());
         warnings.extend(self.limbs.warnings((last.index, last.time), sound));
         warnings
+    }
+
+    /// What is wrong with the length of the flight (s) up to frame `last`, and its gaps.
+    fn of_length(&self, last: u64, duration: f64) -> Vec<Warning> {
+        let short = (duration < SHORTEST).then(|| {
+            let message = format!(
+                "the flight ends after {duration:.2} s; less than {SHORTEST} s is too short to judge"
+            );
+            Warning::new(last, message)
+        });
+        let gap = self.largest_gap.map(|(frame, length)| {
+            let message = format!(
+                "{length:.2} s without frames before it, {} gaps over {BRIDGE_LIMIT} s in all; limbs are assumed to move \
+                 evenly across them",
+                self.gaps
+            );
+            Warning::new(frame, message)
+        });
+        short.into_iter().chain(gap).collect()
+    }
+
+    /// What is wrong with the frame times. A clock that is wrong throughout is a fault over the `whole` flight (s).
+    fn of_clock(&self, whole: [f64; 2]) -> Vec<Warning> {
+        let rates = self.clock.rates(self.paths.scale());
+        let rates = rates.map(|(frame, message, is_wrong)| {
+            if is_wrong {
+                Warning::fault(frame, whole, message)
+            } else {
+                Warning::new(frame, message)
+            }
+        });
+        let backwards = self.clock.backwards();
+        let backwards = backwards.map(|(frame, message)| Warning::new(frame, message));
+        let repeated = self.clock.repetitions();
+        let repeated =
+            repeated.map(|(frame, from, message)| Warning::fault(frame, [from, whole[1]], message));
+        rates.into_iter().chain(backwards).chain(repeated).collect()
+    }
+
+    /// What no fall of a person does over the `whole` flight (s), up to frame `last`.
+    fn of_path(&self, last: u64, whole: [f64; 2]) -> Vec<Warning> {
+        let rises = self.paths.rises(whole[1] - whole[0]).map(|up| {
+            let message = format!(
+                "the body rises by {up:.1} m/s on average; expected a fall, with upward velocities positive"
+            );
+            Warning::fault(last, whole, message)
+        });
+        let fast = self.paths.too_fast().map(|(message, is_fault)| Warning {
+            is_fault,
+            ..Warning::fault(last, whole, message)
+        });
+        let jump = self.paths.velocity_jump().map(|(message, time)| Warning {
+            span_s: Some([time, time]),
+            ..Warning::new(last, message)
+        });
+        rises.into_iter().chain(fast).chain(jump).collect()
     }
 
     fn is_turning(&self) -> bool {
