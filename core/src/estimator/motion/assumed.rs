@@ -3,7 +3,7 @@
 //!
 //! The model is not linear over tens of metres a second, so what attitude, rates and specific force seem to tell of such a
 //! velocity means little. Until a receiver or a suit tells it, its deviation is at least that of the assumption, which
-//! decays as the air would slow the body down.
+//! decays as the air would slow the body down: not while the body is supported or its sensor still.
 
 use super::measurement::SensorMeasurement;
 use crate::math::Real;
