@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn the_byte_table_names_every_bit() {
         assert_eq!(named_bits::<EstimateFlags>(EstimateFlags::KIND), 13);
-        assert_eq!(named_bits::<SensorParts>(SensorParts::KIND), 5);
+        assert_eq!(named_bits::<SensorParts>(SensorParts::KIND), 6);
         assert_eq!(named_bits::<Validity>(Validity::KIND), 5);
     }
 

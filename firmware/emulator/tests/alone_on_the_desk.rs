@@ -130,7 +130,7 @@ const KINDS: [Kind; 9] = [
             ..SensorBytes::TYPICAL
         },
         limits: [0.3, 0.4],
-        consistent: [0.75, 1.0],
+        consistent: [0.8, 1.0],
     },
 ];
 

@@ -142,6 +142,21 @@ mod tests {
         assert_eq!(assumed, Assumed::new(0.0, true));
     }
 
+    /// Nobody slows down who rests: the deviation is that of the assumption until the rest ends, and decays from then on.
+    #[test]
+    fn a_rest_does_not_make_an_assumption_better() {
+        let nothing = SensorMeasurement::none();
+        let mut assumed = Assumed::<f64>::new(25.0, true);
+        for _ in 0..6000 {
+            assumed.take(&nothing, true, 0.01);
+        }
+        assert!((assumed.variances()[0].sqrt() - 18.0).abs() < 1e-9);
+        for _ in 0..250 {
+            assumed.take(&nothing, false, 0.01);
+        }
+        assert!((assumed.variances()[0].sqrt() - 6.6).abs() < 0.1);
+    }
+
     /// After a gap the inputs are still those from before it.
     #[test]
     fn inputs_from_before_a_gap_are_kept() {
