@@ -235,7 +235,16 @@ impl Sensor {
 
     /// The attitude at a packet: as the sensor sends it or, if it never does, from angular velocity and specific force.
     fn attitude(&mut self, reading: &Reading, now: u64) -> Option<Attitude> {
+        // Differences count only, so it may wrap.
+        #[expect(clippy::cast_possible_truncation, reason = "wraps")]
+        let time = reading.fine_time.unwrap_or((now / 100) as u32);
+        let is_moving = self
+            .moved
+            .is_some_and(|moved| now.saturating_sub(moved) < MOVING);
+        let raw = reading.angular_velocity.zip(reading.specific_force);
         if let Some(inertial_from_sensor) = reading.inertial_from_sensor {
+            let is_still = raw
+                .is_some_and(|(turn, force)| (self.level).is_still(time, &turn, &force, is_moving));
             return Some(Attitude {
                 inertial_from_sensor,
                 turn: reading.angular_velocity,
@@ -243,21 +252,10 @@ impl Sensor {
                 heading_error: 0.0,
                 north_found: false,
                 is_levelled: false,
+                is_still,
             });
         }
-        let (Some(turn), Some(force), None) = (
-            reading.angular_velocity,
-            reading.specific_force,
-            self.address,
-        ) else {
-            return None;
-        };
-        // Differences count only, so it may wrap.
-        #[expect(clippy::cast_possible_truncation, reason = "wraps")]
-        let time = reading.fine_time.unwrap_or((now / 100) as u32);
-        let is_moving = self
-            .moved
-            .is_some_and(|moved| now.saturating_sub(moved) < MOVING);
+        let (turn, force) = raw.filter(|_| self.address.is_none())?;
         Some(self.level.update(time, turn, force, is_moving))
     }
 
@@ -347,6 +345,7 @@ impl Sensor {
             pressure: pressure.map(|(pressure, _)| pressure),
             north_found: attitude.north_found,
             is_levelled: attitude.is_levelled,
+            is_still: attitude.is_still,
             ..Readings::default()
         };
         if let Some(solution) = solution {

@@ -69,6 +69,8 @@ bitflags! {
         const NORTH_FOUND = 1 << 3;
         /// The attitude is integrated from where the sensor was level.
         const LEVELLED = 1 << 4;
+        /// The sensor lies or stands still: nobody is in the air.
+        const STILL = 1 << 5;
     }
 }
 
@@ -109,7 +111,7 @@ impl Wire for EstimateFlags {
 impl Wire for SensorParts {
     const SIZE: usize = 1;
     const KIND: &'static str =
-        "u8: bit 0 specific force, 1 receiver, 2 pressure, 3 north found, 4 levelled";
+        "u8: bit 0 specific force, 1 receiver, 2 pressure, 3 north found, 4 levelled, 5 still";
     fn put(self, writer: &mut Writer<'_>) -> Option<()> {
         self.bits().put(writer)
     }
@@ -151,7 +153,7 @@ mod tests {
     #[test]
     fn the_byte_table_names_every_bit() {
         assert_eq!(named_bits::<EstimateFlags>(EstimateFlags::KIND), 13);
-        assert_eq!(named_bits::<SensorParts>(SensorParts::KIND), 5);
+        assert_eq!(named_bits::<SensorParts>(SensorParts::KIND), 6);
         assert_eq!(named_bits::<Validity>(Validity::KIND), 5);
     }
 

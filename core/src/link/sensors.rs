@@ -41,6 +41,8 @@ pub struct Readings {
     pub north_found: bool,
     /// Whether the attitude is integrated from where the sensor was level.
     pub is_levelled: bool,
+    /// Whether the sensor lies or stands still.
+    pub is_still: bool,
 }
 
 /// Thousandths, as an unsigned number that saturates; the largest for NaN.
@@ -88,6 +90,7 @@ impl Sensors {
         sensors
             .valid
             .set(SensorParts::LEVELLED, readings.is_levelled);
+        sensors.valid.set(SensorParts::STILL, readings.is_still);
         sensors
     }
 
@@ -106,6 +109,11 @@ impl Sensors {
     /// Whether the attitudes before this sample had another north.
     pub const fn finds_north(&self) -> bool {
         self.valid.contains(SensorParts::NORTH_FOUND)
+    }
+
+    /// Whether the sensor lies or stands still, so that the body is not in the air.
+    pub const fn is_still(&self) -> bool {
+        self.valid.contains(SensorParts::STILL)
     }
 
     /// Standard deviation of the attitude's error that lasts, each axis (rad): a levelled one is used until twice of that
@@ -172,8 +180,9 @@ mod tests {
                 pressure: Some(89_875),
                 north_found: true,
                 is_levelled: true,
+                is_still: true,
             });
-            prop_assert!(sensors.finds_north() && sensors.attitude_error() > 0.02);
+            prop_assert!(sensors.finds_north() && sensors.attitude_error() > 0.02 && sensors.is_still());
             let found = sensors.specific_force().unwrap().force.components;
             prop_assert!((found - Vector3::from(force)).amax() <= 0.5 / FORCE_COUNTS + 1e-4);
             let receiver = sensors.receiver().unwrap();

@@ -130,7 +130,7 @@ const KINDS: [Kind; 9] = [
             ..SensorBytes::TYPICAL
         },
         limits: [0.3, 0.4],
-        consistent: [0.75, 1.0],
+        consistent: [0.8, 1.0],
     },
 ];
 
@@ -192,6 +192,9 @@ const RAW: Raw = Raw {
     scale: 0.005,
 };
 
+/// The same after a longer rest than any assumption lasts.
+const RESTED: Raw = Raw { rest: 15.0, ..RAW };
+
 /// Such a sensor does not know where north is. The receiver tells it where the velocity changes, as after an exit; before,
 /// nothing that is estimated agrees with the measurements.
 #[test]
@@ -239,6 +242,8 @@ fn a_velocity_that_is_only_assumed_agrees_with_nothing() {
         (None, 0.5, 1.0, None),
         (Some(RAW), 1.0, 0.1, Some([0.02, 0.05])),
         (Some(RAW), 5.0, 1.0, Some([0.02, 0.05])),
+        (Some(RESTED), 5.0, 1.0, Some([0.02, 0.05])),
+        (Some(RESTED), 0.5, 0.1, Some([0.02, 0.05])),
     ] {
         let sensor = SensorBytes {
             receiver_rate,

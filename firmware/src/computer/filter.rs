@@ -201,6 +201,7 @@ fn sensor_measurement_of(sample: &Sample, sensors: Option<&Sensors>) -> SensorMe
     };
     SensorMeasurement {
         attitude_error: sensors.map_or(0.0, Sensors::attitude_error),
+        is_still: sensors.is_some_and(Sensors::is_still),
         receiver,
         barometer: sensors.and_then(Sensors::barometer),
         gyroscope: raw.map(|angular_velocity| Gyroscope {

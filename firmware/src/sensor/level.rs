@@ -63,6 +63,8 @@ pub(super) struct Attitude {
     pub(super) north_found: bool,
     /// Whether it is integrated from where the sensor was level, with the errors that add up meanwhile.
     pub(super) is_levelled: bool,
+    /// Whether the sensor lies or stands still.
+    pub(super) is_still: bool,
 }
 
 /// Integrates the attitude.
@@ -110,15 +112,7 @@ impl Level {
         force: Vector3<f32>,
         is_moving: bool,
     ) -> Attitude {
-        // Exact: longer gaps than 2^24 ticks are gaps all the same.
-        let elapsed = self
-            .last
-            .map_or(0.0, |last| time.wrapping_sub(last) as f32 * 1e-4);
-        self.last = Some(time);
-        if elapsed > LONGEST_GAP {
-            (self.error, self.heading_error, self.rest) = (f32::INFINITY, f32::INFINITY, None);
-            self.aiding.interrupt();
-        }
+        let elapsed = self.elapsed(time);
         let rest = self.rest(elapsed, &turn, &force).filter(|_| !is_moving);
         if let Some(rest) = rest {
             self.bias = rest.turn;
@@ -142,7 +136,34 @@ impl Level {
             heading_error: self.heading_error,
             north_found: core::mem::take(&mut self.north_found),
             is_levelled: true,
+            is_still: rest.is_some(),
         }
+    }
+
+    /// Whether a sensor that sends an orientation, and so needs no levelling, lies or stands still; see [`Level::update`].
+    pub(super) fn is_still(
+        &mut self,
+        time: u32,
+        turn: &Vector3<f32>,
+        force: &Vector3<f32>,
+        is_moving: bool,
+    ) -> bool {
+        let elapsed = self.elapsed(time);
+        self.rest(elapsed, turn, force).is_some() && !is_moving
+    }
+
+    /// Time since the last measurement (s); after too long a one nothing is known.
+    fn elapsed(&mut self, time: u32) -> f32 {
+        // Exact: longer gaps than 2^24 ticks are gaps all the same.
+        let elapsed = self
+            .last
+            .map_or(0.0, |last| time.wrapping_sub(last) as f32 * 1e-4);
+        self.last = Some(time);
+        if elapsed > LONGEST_GAP {
+            (self.error, self.heading_error, self.rest) = (f32::INFINITY, f32::INFINITY, None);
+            self.aiding.interrupt();
+        }
+        elapsed
     }
 
     /// Corrects the attitude by a receiver's velocity (m/s, inertial axes) with this deviation, which was right `age` (s)
@@ -278,7 +299,7 @@ mod tests {
             let found = after(&mut level, &mut time, 3, [0.02, -0.01, 0.03], force);
             let up = found.inertial_from_sensor * Vector3::from(force).normalize();
             assert!((up - Vector3::z()).norm() < 1e-3, "{force:?}: {up}");
-            assert!(found.is_measured && found.turn.unwrap().norm() < 1e-5);
+            assert!(found.is_still && found.is_measured && found.turn.unwrap().norm() < 1e-5);
         }
     }
 
@@ -291,7 +312,7 @@ mod tests {
         // The force of the air points forward: it does not count.
         let end = after(&mut level, &mut time, 2, turning, [7.0, 0.0, 9.0]);
         let turned = start.inertial_from_sensor.inverse() * end.inertial_from_sensor;
-        assert!(end.is_measured);
+        assert!(end.is_measured && !end.is_still);
         assert!(
             (turned.scaled_axis() - Vector3::y() * 2.0).norm() < 0.02,
             "{turned}"

@@ -147,6 +147,38 @@ fn the_specific_force_is_turned_to_body_axes() {
 }
 
 #[test]
+fn a_sensor_with_an_orientation_knows_when_it_is_still() {
+    // Whether one is still after three seconds of a rate of turn that swings this far (rad/s).
+    let after = |swing: f32, has_force: bool, receiver_speed: f32| {
+        let mut sensor = Sensor::new();
+        let mut is_still = false;
+        for count in 0..300_u16 {
+            let turn = [0.0, if count % 2 == 0 { swing } else { -swing }, 0.0];
+            let mut items: Vec<(DataId, &[f32])> = Vec::from([
+                (ATTITUDE, &[1.0, 0.0, 0.0, 0.0][..]),
+                (DataId::RATE_OF_TURN, &turn[..]),
+            ]);
+            if has_force {
+                items.push((DataId::ACCELERATION, &[0.0, 0.0, 9.81]));
+            }
+            if count % 20 == 0 {
+                let velocity = [receiver_speed, 0.01 * f32::from(count), 0.0];
+                sensor.receive_solutions(&solution(velocity, 0.2), u64::from(count) * 10_000);
+            }
+            let bytes = counted_packet(count, u32::from(count) * 100, &items);
+            let sensed = sensor.next(&mut bytes.as_slice(), u64::from(count) * 10_000);
+            is_still = sensed.unwrap().sensors.is_still();
+        }
+        is_still
+    };
+    assert!(after(0.01, true, 0.0));
+    assert!(!after(0.05, true, 0.0));
+    assert!(!after(0.01, false, 0.0));
+    // In a smooth flight, or in an aircraft.
+    assert!(!after(0.01, true, 50.0));
+}
+
+#[test]
 fn a_restart_of_the_sensor_loses_nothing_but_the_packets_until_it_is_seen() {
     let mut sensor = Sensor::new();
     let items: [(DataId, &[f32]); 1] = [(ATTITUDE, &[1.0, 0.0, 0.0, 0.0])];

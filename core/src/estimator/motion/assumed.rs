@@ -3,7 +3,7 @@
 //!
 //! The model is not linear over tens of metres a second, so what attitude, rates and specific force seem to tell of such a
 //! velocity means little. Until a receiver or a suit tells it, its deviation is at least that of the assumption, which
-//! decays as the air would slow the body down.
+//! decays as the air would slow the body down: not while the body is supported or its sensor still.
 
 use super::measurement::SensorMeasurement;
 use crate::math::Real;
@@ -140,6 +140,21 @@ mod tests {
             assumed.take(&nothing, false, 0.01);
         }
         assert_eq!(assumed, Assumed::new(0.0, true));
+    }
+
+    /// Nobody slows down who rests: the deviation is that of the assumption until the rest ends, and decays from then on.
+    #[test]
+    fn a_rest_does_not_make_an_assumption_better() {
+        let nothing = SensorMeasurement::none();
+        let mut assumed = Assumed::<f64>::new(25.0, true);
+        for _ in 0..6000 {
+            assumed.take(&nothing, true, 0.01);
+        }
+        assert!((assumed.variances()[0].sqrt() - 18.0).abs() < 1e-9);
+        for _ in 0..250 {
+            assumed.take(&nothing, false, 0.01);
+        }
+        assert!((assumed.variances()[0].sqrt() - 6.6).abs() < 0.1);
     }
 
     /// After a gap the inputs are still those from before it.

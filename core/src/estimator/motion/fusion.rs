@@ -100,7 +100,8 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             recovered: false,
             trusted: false,
         };
-        let is_carried = self.support.situation() == Situation::Supported;
+        let is_supported = self.support.situation() == Situation::Supported;
+        let is_carried = is_supported || measured.is_still;
         moved.reset |= self.assumed.take(&measured, is_carried, self.duration);
         if measured.specific_force.is_some() && !self.is_velocity_clear() {
             measured.specific_force = None;

@@ -75,6 +75,7 @@ impl<T: Real> Held<T> {
             } else {
                 earlier.attitude_error
             },
+            is_still: measured.is_still || earlier.is_still,
             receiver: receiver.map(|receiver| at_present(&receiver, trail, duration)),
             barometer: measured.barometer.or(earlier.barometer),
             gyroscope: measured.gyroscope.or(earlier.gyroscope),

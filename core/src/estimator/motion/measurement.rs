@@ -163,6 +163,8 @@ pub struct SensorMeasurement<T: Real> {
     /// Standard deviation of the attitude's error that lasts for seconds, each axis (rad), in addition to its noise. No mean
     /// removes it, so the error bars include it; zero for a suit.
     pub attitude_error: T,
+    /// Whether the sensor is known to lie or stand still, so that the body is not in the air.
+    pub is_still: bool,
     /// Velocity from a satellite receiver, fused at its own time.
     pub receiver: Option<ReceiverVelocity<T>>,
     /// Height or vertical velocity from a barometer.
@@ -231,6 +233,7 @@ impl<T: Real> SensorMeasurement<T> {
         SensorMeasurement {
             motion: self.motion.cast(),
             attitude_error: U::of(self.attitude_error.to_f64()),
+            is_still: self.is_still,
             receiver: self.receiver.map(|receiver| receiver.cast()),
             barometer: self.barometer.map(|barometer| barometer.cast()),
             gyroscope: self.gyroscope.map(|gyroscope| gyroscope.cast()),
@@ -244,6 +247,7 @@ impl<T: Real> From<MotionMeasurement<T>> for SensorMeasurement<T> {
         Self {
             motion,
             attitude_error: T::zero(),
+            is_still: false,
             receiver: None,
             barometer: None,
             gyroscope: None,
