@@ -238,11 +238,9 @@ fn planted_faults_are_named_and_clean_captures_are_not_blamed() {
             if found.contains(&kind) {
                 hits.push(kind);
             }
-            // Whatever else is named would be wrong.
-            assert!(
-                found.iter().all(|named| *named == kind),
-                "{name}: {found:?}"
-            );
+            // Whatever else is named would be wrong, but the checks of every recording see jumps too.
+            let is_right = |named: &&str| *named == kind || kind == "step" && *named == "recording";
+            assert!(found.iter().all(is_right), "{name}: {found:?}");
         }
     }
     let count = |kind: &str| hits.iter().filter(|hit| **hit == kind).count();

@@ -89,7 +89,8 @@ fn refuse_repeated(flights: &[&Flight], tracks: &[RecordedFlight], fitted: usize
                 continue;
             }
             let other = flights[first].recording.display();
-            let says = if first < fitted && place >= fitted {
+            let is_confirming = first < fitted && place >= fitted;
+            let says = if is_confirming {
                 format!("this flight is held out, but effects are also fitted to it ({other})")
             } else {
                 format!(
@@ -98,7 +99,11 @@ fn refuse_repeated(flights: &[&Flight], tracks: &[RecordedFlight], fitted: usize
             };
             return Err(Problem::bad_input(says)
                 .in_file(&flights[place].recording)
-                .help("give another flight of the same person"));
+                .help(if is_confirming {
+                    "hold out another flight of the same person"
+                } else {
+                    "give each flight once"
+                }));
         }
     }
     Ok(())
