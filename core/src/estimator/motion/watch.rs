@@ -340,7 +340,7 @@ impl<T: Real> Watch<T> {
     }
 
     /// Returns the consistency that follows from what is not measured.
-    fn blindness(&self) -> Consistency {
+    fn blindness(&self, is_suspect: bool) -> Consistency {
         let [rotation, velocity] = self.unseen;
         let anything = if rotation < velocity {
             rotation
@@ -349,7 +349,7 @@ impl<T: Real> Watch<T> {
         };
         let without =
             velocity >= T::single(WITHOUT_VELOCITY) || rotation >= T::single(WITHOUT_ROTATION);
-        let least = if without || self.suspect || self.pace.is_some() {
+        let least = if without || is_suspect || self.pace.is_some() {
             Consistency::Doubtful
         } else {
             Consistency::Consistent
@@ -382,20 +382,23 @@ impl<T: Real> Watch<T> {
 
     /// Returns whether the filter is consistent, apart from a sensor that jumped.
     pub fn is_trusted(&self) -> bool {
-        let apart = Self {
-            suspect: false,
-            ..*self
-        };
-        apart.consistency() == Consistency::Consistent
+        self.consistency_with(false) == Consistency::Consistent
     }
 
     /// Returns the worst consistency of all channels and of the residual load.
     pub fn consistency(&self) -> Consistency {
+        self.consistency_with(self.suspect)
+    }
+
+    /// Returns the same if a sensor may be suspect. Out of line, for the stack of the unit.
+    #[inline(never)]
+    fn consistency_with(&self, is_suspect: bool) -> Consistency {
+        let blindness = self.blindness(is_suspect);
         self.channels
             .iter()
             .filter(|channel| channel.seen)
             .map(ChannelWatch::consistency)
-            .fold(self.residual_consistency().max(self.blindness()), Ord::max)
+            .fold(self.residual_consistency().max(blindness), Ord::max)
     }
 }
 
