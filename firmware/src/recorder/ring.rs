@@ -137,27 +137,32 @@ impl SlotRing {
         Ok(())
     }
 
-    /// Writes a block into the next slot. A slot or sector that fails is passed.
+    /// Writes a block into the next slot that is erased. A slot or sector that fails is passed, and so is a slot that lost
+    /// bits after its sector was erased.
     pub(super) async fn append<S: NorFlash>(
         &mut self,
         memory: &mut Memory<S>,
         block: &Block,
     ) -> Result<(), Failed> {
         let per_sector = Self::per_sector::<S>();
-        if self.next.is_multiple_of(per_sector) {
-            if self.erased == 0
-                && let Err(failed) = self.erase_one(memory).await
-            {
-                self.next = self.next.saturating_add(per_sector);
-                return Err(failed);
+        for _ in 0..per_sector {
+            if self.next.is_multiple_of(per_sector) {
+                if self.erased == 0
+                    && let Err(failed) = self.erase_one(memory).await
+                {
+                    self.next = self.next.saturating_add(per_sector);
+                    return Err(failed);
+                }
+                self.erased -= 1;
             }
-            self.erased -= 1;
+            let number = self.next;
+            self.next = number.saturating_add(1);
+            let address = self.address::<S>(number);
+            if memory.is_erased(address..address + SLOT).await {
+                return memory.write(address, number, block.bytes()).await;
+            }
         }
-        let number = self.next;
-        self.next = number.saturating_add(1);
-        memory
-            .write(self.address::<S>(number), number, block.bytes())
-            .await
+        Err(Failed)
     }
 
     /// Reads the slot with this number.
