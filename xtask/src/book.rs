@@ -7,7 +7,7 @@ use crate::run::{Result, root, run, say, target_folder};
 use crate::tool::tool;
 
 /// Single files of the book.
-const PARTS: [&str; 9] = [
+const PARTS: [&str; 10] = [
     "ARCHITECTURE.md",
     "CHANGELOG.md",
     "CONTRIBUTING.md",
@@ -17,6 +17,7 @@ const PARTS: [&str; 9] = [
     "verbs/data/acrobatics/README.md",
     "python/README.md",
     "python/examples/learn_turn.py",
+    "python/examples/learn_with_sb3.py",
 ];
 
 /// Folders that are included completely.
