@@ -121,8 +121,9 @@ impl RecordedFlight {
 
     /// The recorded posture at a fractional frame index within a piece, for a recording that lags by `delay` (s).
     pub(crate) fn posture_at(&self, place: f64, delay: f64, piece: &Range<usize>) -> Posture<f64> {
-        let last = piece.end - 1;
-        let place = (place + delay * self.rate()).clamp(piece.start as f64, last as f64);
+        let (first, last) = (piece.start, piece.end - 1);
+        let interval = (self.samples[last].time - self.samples[first].time) / (last - first) as f64;
+        let place = (place + delay / interval).clamp(first as f64, last as f64);
         let before = place.floor();
         #[expect(
             clippy::cast_possible_truncation,
