@@ -27,7 +27,7 @@ impl Tempo {
     pub(super) fn take(&mut self, elapsed: u64, samples: u16, rate: f32) {
         let elapsed = u32::try_from(elapsed).unwrap_or(SPAN);
         self.elapsed = self.elapsed.saturating_add(elapsed);
-        self.samples += u32::from(samples);
+        self.samples = self.samples.saturating_add(u32::from(samples));
         if self.elapsed >= SPAN {
             // Exact: both are below 2^24 for all allowed rates.
             let ratio = self.samples as f32 * 1e6 / (self.elapsed as f32 * rate);
