@@ -8,6 +8,7 @@ use std::process::{Command, Output, Stdio};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use bodyflight_shared_data::{LEFT_OUT, listed};
 use bodyflight_tests::program::{ctrl_c, text};
 
 /// Documented commands listen on fixed ports, so only one test runs them at a time.
@@ -86,7 +87,7 @@ fn examples(help: &str) -> Vec<Vec<String>> {
 }
 
 /// Names of the commands that a help text lists.
-fn listed(help: &str) -> Vec<String> {
+fn verbs(help: &str) -> Vec<String> {
     let (_, rest) = help.split_once("Commands:").unwrap_or_default();
     // Continuation lines of a description are indented further.
     let lines = rest.lines().skip(1).take_while(|line| !line.is_empty());
@@ -239,8 +240,15 @@ fn tried(place: &Path, example: &[String]) -> (Option<i32>, String) {
     (output.status.code(), said)
 }
 
-/// Runs a documented command. Returns what is wrong with its outcome, if anything.
-fn complaint(place: &Path, example: &[String]) -> Option<String> {
+/// Whether the light program has run all commands of a block or an example: the full one need not run them again.
+fn was_run_before(name: &str) -> bool {
+    let list = std::env::var_os(LEFT_OUT).filter(|_| cfg!(feature = "full"));
+    let list = list.and_then(|list| fs::read_to_string(list).ok());
+    list.is_some_and(|list| !list.lines().any(|line| line == name))
+}
+
+/// Runs a documented command of the block or example `name`. Returns what is wrong with its outcome, if anything.
+fn complaint(place: &Path, name: &str, example: &[String]) -> Option<String> {
     let begin = Instant::now();
     let (code, said) = tried(place, example);
     let needs_more = example.iter().any(|word| {
@@ -248,6 +256,9 @@ fn complaint(place: &Path, example: &[String]) -> Option<String> {
         absent.iter().any(|part| word.contains(part))
     });
     let left_out = !cfg!(feature = "full") && said.contains("this program was built without");
+    if left_out {
+        listed(LEFT_OUT, name).expect("written");
+    }
     let not_built = left_out || said.contains("the unit's library");
     let is_well = match code {
         // Success, or a negative result.
@@ -274,9 +285,9 @@ fn the_examples_of_the_help_work() {
     prepared(&base);
     let help = |words: &[&str]| text_of(&bodyflight(&base, &[words, &["--help"]].concat()));
     let mut helps = Vec::new();
-    for verb in listed(&help(&[])) {
+    for verb in verbs(&help(&[])) {
         let page = help(&[&verb]);
-        for part in listed(&page) {
+        for part in verbs(&page) {
             helps.push((format!("{verb} {part}"), help(&[&verb, &part])));
         }
         helps.push((verb, page));
@@ -289,11 +300,15 @@ fn the_examples_of_the_help_work() {
             wrong.push(format!("{verb} --help has no example"));
         }
         for example in examples {
+            run += 1;
+            let name = example.join(" ");
+            if was_run_before(&name) {
+                continue;
+            }
             let place = folder.path().join(format!("{run}"));
             copied(&base, &place);
-            wrong.extend(complaint(&place, &example));
+            wrong.extend(complaint(&place, &name, &example));
             fs::remove_dir_all(&place).expect("removed");
-            run += 1;
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
@@ -350,8 +365,12 @@ fn the_commands_of_the_pages_work() {
     for path in pages() {
         let page = fs::read_to_string(&path).expect("readable");
         for (k, block) in shell_blocks(&page).into_iter().enumerate() {
-            let name = path.file_stem().expect("a name").to_string_lossy();
-            let place = folder.path().join(format!("{name}-{k}"));
+            let name = format!("{}-{k}", path.file_stem().expect("a name").display());
+            run += block.len();
+            if was_run_before(&name) {
+                continue;
+            }
+            let place = folder.path().join(&name);
             copied(&base, &place);
             for mut example in block {
                 for word in &mut example {
@@ -363,8 +382,7 @@ fn the_commands_of_the_pages_work() {
                     continue;
                 }
                 make_room(&place, &example);
-                wrong.extend(complaint(&place, &example));
-                run += 1;
+                wrong.extend(complaint(&place, &name, &example));
             }
         }
     }

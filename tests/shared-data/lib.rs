@@ -9,6 +9,10 @@ use std::path::{Path, PathBuf};
 /// Environment variable with the file that lists skipped tests, one line each.
 pub const SKIPPED: &str = "BODYFLIGHT_SKIPPED";
 
+/// Environment variable with the file that lists the documented commands which need a part that the light program was
+/// built without. The tests of the light program write it, and those of the full program then try only these again.
+pub const LEFT_OUT: &str = "BODYFLIGHT_LEFT_OUT";
+
 /// A file or folder of the shared data; `None`, with a notice, if it is absent.
 ///
 /// # Panics
@@ -36,13 +40,21 @@ pub fn skipped(why: &str) {
     let thread = std::thread::current();
     let test = thread.name().unwrap_or("a test");
     eprintln!("skipped: {test}: {why}");
-    if let Some(list) = std::env::var_os(SKIPPED)
-        && let Ok(mut list) = std::fs::File::options()
-            .append(true)
-            .create(true)
-            .open(list)
-    {
-        // The list only serves to count: a test does not fail for it.
-        let _ = writeln!(list, "{test}: {why}");
-    }
+    // The list only serves to count: a test does not fail for it.
+    let _ = listed(SKIPPED, &format!("{test}: {why}"));
+}
+
+/// Appends a line to the list that an environment variable names, if it is set.
+///
+/// # Errors
+/// Returns an error if the list cannot be written.
+pub fn listed(variable: &str, line: &str) -> std::io::Result<()> {
+    let Some(list) = std::env::var_os(variable) else {
+        return Ok(());
+    };
+    let mut list = std::fs::File::options()
+        .append(true)
+        .create(true)
+        .open(list)?;
+    writeln!(list, "{line}")
 }

@@ -1,6 +1,6 @@
 //! `cargo xtask test`: every test of the project, on this machine and for the unit's processor.
 
-use bodyflight_shared_data::SKIPPED;
+use bodyflight_shared_data::{LEFT_OUT, SKIPPED};
 
 use crate::f405::f405;
 use crate::first_build::first_build;
@@ -44,8 +44,12 @@ pub(crate) fn test() -> Result<()> {
 /// those that were skipped because their data is absent.
 fn with_cargo() -> Result<()> {
     let list = target_folder()?.join("skipped-tests.txt");
-    let _ = std::fs::remove_file(&list);
-    let variables = [(SKIPPED, list.display().to_string())];
+    let left_out = target_folder()?.join("commands-left-out.txt");
+    for old in [&list, &left_out] {
+        let _ = std::fs::remove_file(old);
+    }
+    let variables = [(SKIPPED, &list), (LEFT_OUT, &left_out)]
+        .map(|(name, path)| (name, path.display().to_string()));
     let run = |parts: &[&[&str]]| {
         let test = ["test", "--locked", "--no-fail-fast"];
         cargo_in(&root(), &[&test, &parts.concat()[..]].concat(), &variables)
@@ -58,7 +62,9 @@ fn with_cargo() -> Result<()> {
     let rest = FULL_ONLY.map(|name| ["--test", name]).concat();
     // With the schemas' types, from which the test of `schema` makes them again.
     let features = ["--features", "full,schema", "--lib"];
-    let full = run(&[program, &features, &rest]);
+    // The transcripts are those of the light program.
+    let known = ["--", "--skip", "transcripts_in_the_documentation"];
+    let full = run(&[program, &features, &rest, &known]);
     let skipped = std::fs::read_to_string(&list).unwrap_or_default();
     let count = skipped.lines().count();
     say(&format!(
