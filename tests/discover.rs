@@ -64,6 +64,8 @@ fn a_hidden_effect_is_named_and_closes_the_gap_of_another_flight() {
             "{name}: hidden {hidden}, found {found}"
         );
     }
+    // An error of the sensor changes the file, not the flight.
+    assert_eq!(report["changes"].as_array().map(Vec::len), Some(0));
     let closed = report["held_out"][0]["gap"]["closed_share"].as_f64();
     assert!(closed.expect("a number") > 0.9, "{report}");
 
@@ -105,6 +107,21 @@ fn a_hidden_effect_is_named_and_closes_the_gap_of_another_flight() {
     assert!(String::from_utf8_lossy(&doubted.stderr).contains("the model lacks an effect"));
     let figure = std::fs::read_to_string(folder.path().join("found/report.svg")).expect("a figure");
     assert!(figure.contains("with the effects found"));
+}
+
+#[test]
+fn what_an_effect_changes_for_the_person_is_said() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [flight, _] = hide("mass", "13", &folder.path().join("lab"));
+    let truth = std::fs::read_to_string(folder.path().join("lab/truth.toml")).expect("the truth");
+    let (_, factor) = truth.split_once("factor = ").expect("a factor");
+    let is_heavier = factor.trim().parse::<f64>().expect("a number") > 1.0;
+    let report = json(&["discover", &flight]);
+    let first = report["changes"][0].as_str().expect("a sentence");
+    assert!(first.starts_with("After 3 s you fall "), "{first}");
+    assert!(first.ends_with("because of mass"), "{first}");
+    let says = if is_heavier { " faster " } else { " slower " };
+    assert!(first.contains(says), "{first}: {truth}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! `bodyflight discover`: reads flights for the search, and turns its results into files.
 
 pub mod figure;
+mod in_words;
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -149,8 +150,13 @@ pub fn discover_flights(
             .map(|flight| flight.tolerances)
             .unwrap_or_default(),
     };
-    let (fitted, held_out) = tracks.split_at(fitted.len());
-    discover(fitted, held_out, &settings, progress).map_err(problem)
+    let (fitted_tracks, held_out) = tracks.split_at(fitted.len());
+    let mut report = discover(fitted_tracks, held_out, &settings, progress).map_err(problem)?;
+    if let (Some(flight), false) = (fitted.first(), report.effects.is_empty()) {
+        let frames = flight.open(options(0))?.trusted(&flight.recording)?;
+        report.changes = in_words::changes(&report, flight, &frames)?;
+    }
+    Ok(report)
 }
 
 /// Explains why a search gave no report.

@@ -108,6 +108,8 @@ pub struct Report {
     pub nearest_description: Option<Described>,
     /// What to fly next.
     pub fly_next: String,
+    /// What the named effects change for the person in the first flight, in sentences; filled by who has the files.
+    pub changes: Vec<String>,
     /// The effects as written to `model.toml`.
     pub model: Vec<ByName>,
     /// Mass and coefficients, estimated from tolerances and flights combined, as effects of a `model.toml`.

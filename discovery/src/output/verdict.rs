@@ -92,6 +92,7 @@ pub(crate) fn report(
         description: None,
         nearest_description: None,
         fly_next,
+        changes: Vec::new(),
         model: model_of(&effects),
         corrections: trusted
             .first()

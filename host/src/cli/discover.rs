@@ -96,6 +96,9 @@ fn write(report: &Report, folder: &Path, flight: &Path) -> Result<()> {
 
 fn print_report(report: &Report, explain: bool) {
     print_names(report.verdict, &report.effects, &report.nearest);
+    for change in &report.changes {
+        terminal::print(&format!("{change}."));
+    }
     print_description(report);
     for (index, left) in report.remainders.iter().enumerate() {
         if left.is_unexplained {

@@ -19,7 +19,7 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 
 /// Runs with other errors of the joints, from which error bars follow.
-const DRAWS: usize = 12;
+pub(crate) const DRAWS: usize = 12;
 
 /// What is told of a motion, averaged over a time.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -187,7 +187,7 @@ pub fn effect(
 }
 
 /// Errors of all joints, constant, as a suit may have them.
-fn joint_errors(tolerances: &Tolerances, random: &mut ChaCha8Rng) -> Vec<JointChange> {
+pub(crate) fn joint_errors(tolerances: &Tolerances, random: &mut ChaCha8Rng) -> Vec<JointChange> {
     let deviation = tolerances
         .joint_deg
         .hypot(tolerances.wander_deg)
@@ -203,7 +203,7 @@ fn joint_errors(tolerances: &Tolerances, random: &mut ChaCha8Rng) -> Vec<JointCh
 }
 
 /// What is uncertain about mass, inertia, areas and coefficients (fraction of an effect).
-fn body_deviation(tolerances: &Tolerances) -> f64 {
+pub(crate) fn body_deviation(tolerances: &Tolerances) -> f64 {
     let parts = [
         tolerances.mass,
         tolerances.inertia,
