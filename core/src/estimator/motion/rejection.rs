@@ -7,7 +7,7 @@
 //! If they agree from the first, right after the filter followed the sensor, then the sensor jumped, as no body can. It
 //! is followed, since the filter cannot tell which value is right, but it stays suspect until it jumps back.
 
-use super::measurement::{CHANNELS, FORCE_CHANNELS};
+use super::measurement::{CHANNELS, FORCE_CHANNELS, RATE_CHANNELS};
 use super::state::{ATTITUDE, RESIDUAL_FORCE, SPIN, VELOCITY};
 use crate::math::Real;
 
@@ -91,6 +91,25 @@ impl<T: Real> Rejection<T> {
         }
     }
 
+    /// Takes a measurement that is not plausible: it contradicts those before and after it.
+    pub(super) fn contradict(&mut self) {
+        self.contradicted = true;
+        self.last = T::of(f64::NAN);
+        if self.count == 0 {
+            self.first = T::zero();
+            self.count = 1;
+        }
+    }
+
+    /// Whether an innovation within the gate is the jump back of a sensor that is suspect: the jump has made the filter so
+    /// uncertain that the gate is wide. An attitude may overshoot, since its axes do not turn one after another.
+    fn is_back_within(&self, value: T, noise: T) -> bool {
+        let missing = value + self.jumped;
+        let allowed = self.jumped * T::single(BACK);
+        let clear = T::single(DEVIATIONS * DEVIATIONS) * noise;
+        self.is_suspect() && missing * missing <= allowed * allowed && value * value > clear
+    }
+
     /// Ends a streak.
     fn end(&mut self) {
         *self = Self {
@@ -157,6 +176,10 @@ impl<T: Real> Rejection<T> {
         let elapsed = core::mem::replace(&mut self.since, T::zero());
         if within {
             self.end();
+            if channel >= RATE_CHANNELS.start && self.is_back_within(value, noise) {
+                self.pardon();
+                return Verdict::Return;
+            }
             return Verdict::Gate;
         }
         if self.count == 0 {

@@ -164,6 +164,14 @@ impl<T: Real> ChannelWatch<T> {
         self.last = normalised;
     }
 
+    /// Begins the means that will replace the present ones.
+    fn begin_again(&mut self) {
+        self.clean = T::zero();
+        self.clean_sums = [T::zero(); 3];
+        self.calm = Calm::new();
+        self.renewing = true;
+    }
+
     /// Returns the weight of a measurement in the means, and the time since the last one (s).
     fn take_rejection(&mut self, rejected: bool, duration: T) -> [T; 2] {
         let since = core::mem::replace(&mut self.since, T::zero());
@@ -179,11 +187,8 @@ impl<T: Real> ChannelWatch<T> {
         if rejected {
             self.rejected += (T::one() - self.rejected) * share;
             self.streak = self.streak.saturating_add(1);
-            self.clean = T::zero();
             self.followed = 0;
-            self.clean_sums = [T::zero(); 3];
-            self.calm = Calm::new();
-            self.renewing = true;
+            self.begin_again();
             return [share, since];
         }
         self.streak = 0;
@@ -299,6 +304,14 @@ impl<T: Real> Watch<T> {
         let doubtful = T::single(RESIDUAL[0]);
         if self.residual > doubtful {
             self.residual = doubtful;
+        }
+    }
+
+    /// Lets the means of all channels be replaced, in a second, by those since now: what was measured before was compared with
+    /// a motion that has been given up.
+    pub fn begin_again(&mut self) {
+        for channel in &mut self.channels {
+            channel.begin_again();
         }
     }
 
