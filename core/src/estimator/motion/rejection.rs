@@ -56,6 +56,8 @@ pub(super) struct Rejection<T> {
     /// Sum of the sensor's jumps, and the time for which it stays suspect (s).
     jumped: T,
     suspect: T,
+    /// Time for which another jump belongs to the return of another channel (s).
+    excused: T,
 }
 
 impl<T: Real> Rejection<T> {
@@ -69,6 +71,7 @@ impl<T: Real> Rejection<T> {
             contradicted: false,
             jumped: T::zero(),
             suspect: T::zero(),
+            excused: T::zero(),
         }
     }
 
@@ -83,9 +86,11 @@ impl<T: Real> Rejection<T> {
         self.suspect = T::zero();
     }
 
-    /// Takes the sensor as no longer suspect in a moment, because another channel has jumped back.
+    /// Takes the sensor as no longer suspect in a moment, because another channel has jumped back. This one may do so without
+    /// having jumped, if it was not followed then.
     pub(super) fn excuse(&mut self) {
         let longest = T::single(EXCUSED);
+        self.excused = longest;
         if self.suspect > longest {
             self.suspect = longest;
         }
@@ -115,6 +120,7 @@ impl<T: Real> Rejection<T> {
         *self = Self {
             jumped: self.jumped,
             suspect: self.suspect,
+            excused: self.excused,
             ..Self::new()
         };
     }
@@ -141,7 +147,7 @@ impl<T: Real> Rejection<T> {
         let tolerance = largest * T::single(BACK) + deviation * T::single(BACK_DEVIATIONS);
         let small = self.jumped.abs() <= tolerance;
         // While it follows a wrong sensor the filter may become inconsistent, and so do the jumps back.
-        let back = self.contradicted || small && self.is_suspect();
+        let back = self.contradicted || self.excused > T::zero() || small && self.is_suspect();
         if back || small {
             self.pardon();
         } else {
@@ -155,6 +161,9 @@ impl<T: Real> Rejection<T> {
         // Bounded, so that it stays exact.
         if self.since < T::of(100.0) {
             self.since += duration;
+        }
+        if self.excused > T::zero() {
+            self.excused -= duration;
         }
         if self.is_suspect() {
             self.suspect -= duration;
@@ -188,7 +197,11 @@ impl<T: Real> Rejection<T> {
         }
         let drift = T::single(RATES[kind(channel)]) * elapsed;
         let sensor = T::single(2.0 * DEVIATIONS * DEVIATIONS) * noise;
-        let change = value - self.last;
+        let change = match [value - self.last, value + self.last] {
+            // Half a turn is the same in either direction.
+            [turn, back] if kind(channel) == 0 && back.abs() < turn.abs() => back,
+            [change, _] => change,
+        };
         // The comparison is false for NaN.
         let agrees = self.count > 0 && change * change <= sensor + drift * drift;
         self.last = value;
@@ -301,6 +314,17 @@ mod tests {
             }
         }
         assert!(!rejection.is_suspect());
+        // An attitude that is half a turn away is as far in either direction.
+        let mut rejection = Rejection::<f64>::new();
+        let half_turn = (0..240).position(|k| {
+            rejection.pass(1.0 / 120.0);
+            let value = if k % 3 == 0 { 1.9 } else { -1.9 };
+            rejection.judge(1, [value, 1e-4], false, true) != Verdict::Gate
+        });
+        assert!(
+            half_turn.is_some_and(|k| (36..40).contains(&k)),
+            "{half_turn:?}"
+        );
         // One value within the gate ends a streak.
         let now_and_then = |k: i32| if k % 30 == 0 { 0.0 } else { 20.0 };
         assert_eq!(resets((1..960).map(now_and_then)), None);

@@ -393,25 +393,27 @@ impl<T: Real> Watch<T> {
         self.channels[channel].followed >= FOLLOWED
     }
 
-    /// Returns whether the filter is consistent, apart from a sensor that jumped.
+    /// Returns whether the filter followed its sensors so far, so that one that jumps is at fault: apart from a sensor that
+    /// jumped before, and from a residual load that may have been learned wrongly.
     pub fn is_trusted(&self) -> bool {
-        self.consistency_with(false) == Consistency::Consistent
+        let [_, lost] = RESIDUAL;
+        self.residual <= T::single(lost) && self.measured(false) == Consistency::Consistent
     }
 
     /// Returns the worst consistency of all channels and of the residual load.
     pub fn consistency(&self) -> Consistency {
-        self.consistency_with(self.suspect)
+        self.measured(self.suspect).max(self.residual_consistency())
     }
 
-    /// Returns the same if a sensor may be suspect. Out of line, for the stack of the unit.
+    /// Returns the worst consistency of all channels, if a sensor may be suspect. Out of line, for the stack of the unit.
     #[inline(never)]
-    fn consistency_with(&self, is_suspect: bool) -> Consistency {
+    fn measured(&self, is_suspect: bool) -> Consistency {
         let blindness = self.blindness(is_suspect);
         self.channels
             .iter()
             .filter(|channel| channel.seen)
             .map(ChannelWatch::consistency)
-            .fold(self.residual_consistency().max(blindness), Ord::max)
+            .fold(blindness, Ord::max)
     }
 }
 
