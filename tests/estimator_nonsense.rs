@@ -386,13 +386,12 @@ fn random_minutes_leave_the_filter_definite_and_it_comes_back() {
         [counts.not_finite, counts.indefinite, counts.subnormal],
         [0; 3]
     );
-    // Aims: none late, and never confident and wrong. What the filter reaches is on the page of the estimator.
+    // Aims: none late, and never confident and wrong; the minutes of every test run reach them. What many more reach is on
+    // the page of the estimator.
+    let allowed = 0.005 * f64::from(counts.events) * f64::from(u8::from(minutes > 100));
+    assert!(f64::from(counts.late) <= allowed, "{counts:?}");
     assert!(
-        f64::from(counts.late) <= 0.02 * f64::from(counts.events),
-        "{counts:?}"
-    );
-    assert!(
-        f64::from(counts.confident_and_wrong) <= 0.01 * f64::from(counts.events),
+        f64::from(counts.confident_and_wrong) <= allowed,
         "{counts:?}"
     );
 }

@@ -329,4 +329,53 @@ mod tests {
         let now_and_then = |k: i32| if k % 30 == 0 { 0.0 } else { 20.0 };
         assert_eq!(resets((1..960).map(now_and_then)), None);
     }
+
+    /// Judges the same innovation of channel 6 at 120 Hz until it is more than gated, or a second is over.
+    fn judged(rejection: &mut Rejection<f64>, value: f64, within: bool) -> Verdict {
+        let mut verdicts = (0..120).map(|_| {
+            rejection.pass(1.0 / 120.0);
+            rejection.judge(6, [value, 0.01], within, true)
+        });
+        let found = verdicts.find(|verdict| *verdict != Verdict::Gate);
+        found.unwrap_or(Verdict::Gate)
+    }
+
+    #[test]
+    fn implausible_values_contradict_those_between_them() {
+        let mut rejection = Rejection::<f64>::new();
+        for _ in 0..240 {
+            rejection.pass(1.0 / 120.0);
+            rejection.contradict();
+            let verdict = rejection.judge(6, [20.0, 0.01], false, true);
+            assert_eq!(verdict, Verdict::Gate);
+        }
+        // What agrees after that is believed, and no sensor is suspect because of it.
+        assert_eq!(judged(&mut rejection, 20.0, false), Verdict::Return);
+        assert!(!rejection.is_suspect());
+    }
+
+    #[test]
+    fn a_jump_back_counts_within_a_wide_gate_too() {
+        let mut rejection = Rejection::<f64>::new();
+        assert_eq!(judged(&mut rejection, 9.0, false), Verdict::Reset);
+        assert!(rejection.is_suspect());
+        // Noise, or another change, is none.
+        for value in [0.3, -0.3, 9.0, -4.0] {
+            assert_eq!(judged(&mut rejection, value, true), Verdict::Gate);
+        }
+        assert_eq!(judged(&mut rejection, -8.0, true), Verdict::Return);
+        assert!(!rejection.is_suspect());
+    }
+
+    #[test]
+    fn a_channel_may_return_after_another_though_its_own_jump_was_missed() {
+        let mut rejection = Rejection::<f64>::new();
+        rejection.excuse();
+        assert_eq!(judged(&mut rejection, -8.0, false), Verdict::Return);
+        assert!(!rejection.is_suspect());
+        // Later it is a jump.
+        (0..240).for_each(|_| rejection.pass(1.0 / 120.0));
+        assert_eq!(judged(&mut rejection, -8.0, false), Verdict::Reset);
+        assert!(rejection.is_suspect());
+    }
 }

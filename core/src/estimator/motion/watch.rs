@@ -479,4 +479,32 @@ mod tests {
             assert_eq!(watch.consistency(), expected, "{load}");
         }
     }
+
+    #[test]
+    fn what_was_compared_with_a_motion_that_was_given_up_counts_for_a_second_at_most() {
+        let mut watch = Watch::<f64>::new();
+        let take = |watch: &mut Watch<f64>, offset: f64, seconds: f64| {
+            for value in noise().take((seconds * 60.0) as usize) {
+                watch.take(8, value + offset, false, 1.0 / 60.0);
+                watch.pass([true; 2], 1.0 / 60.0);
+            }
+            watch.consistency()
+        };
+        assert_ne!(take(&mut watch, 4.0, 0.4), Consistency::Consistent);
+        let mut kept = watch;
+        assert_ne!(take(&mut kept, 0.0, 1.1), Consistency::Consistent);
+        watch.begin_again();
+        assert_ne!(take(&mut watch, 0.0, 0.5), Consistency::Consistent);
+        assert_eq!(take(&mut watch, 0.0, 0.6), Consistency::Consistent);
+    }
+
+    #[test]
+    fn a_residual_load_alone_excuses_no_sensor() {
+        let mut watch = Watch::<f64>::new();
+        watch.pass([true; 2], 1.0 / 240.0);
+        watch.residual = 9.0;
+        assert!(watch.is_trusted() && watch.consistency() == Consistency::Doubtful);
+        watch.residual = 40.0;
+        assert!(!watch.is_trusted());
+    }
 }
