@@ -50,6 +50,24 @@ struct Counts {
     confident_and_wrong: u32,
 }
 
+impl Counts {
+    /// Checks the numbers of an estimate and of the filter.
+    fn see(&mut self, estimate: &MotionEstimate<f32>, filter: &ReducedMotionFilter<f32>) {
+        self.not_finite += u32::from(
+            !estimate.deviation.iter().all(|d| d.is_finite()) || !filter.state().is_finite(),
+        );
+        let factors = filter.factors().elements();
+        self.indefinite +=
+            u32::from(!(0..STATES).all(|j| factors[(j, j)] > 0.0 && factors[(j, j)].is_finite()));
+        self.subnormal += u32::from(
+            factors
+                .iter()
+                .chain(&filter.activity())
+                .any(|v| v.is_subnormal()),
+        );
+    }
+}
+
 /// Random numbers of a flight.
 struct Random(Noise);
 
@@ -326,18 +344,7 @@ fn minute(seed: u64, counts: &mut Counts, ranges: &mut RangeWatch) {
         let Some(estimate) = pushed else {
             continue;
         };
-        counts.not_finite += u32::from(
-            !estimate.deviation.iter().all(|d| d.is_finite()) || !filter.state().is_finite(),
-        );
-        let factors = filter.factors().elements();
-        counts.indefinite +=
-            u32::from(!(0..STATES).all(|j| factors[(j, j)] > 0.0 && factors[(j, j)].is_finite()));
-        counts.subnormal += u32::from(
-            factors
-                .iter()
-                .chain(&filter.activity())
-                .any(|v| v.is_subnormal()),
-        );
+        counts.see(&estimate, &filter);
         let consistent = estimate.consistency == Consistency::Consistent;
         let before = wrong;
         let (ratio, coordinate) = error(&estimate, &motion, &inputs);
