@@ -44,8 +44,8 @@ pub(super) struct Moved<T: Real> {
     reset: bool,
     /// Whether the filter follows its sensors again after it was lost.
     recovered: bool,
-    /// Whether nothing was rejected or missing before.
-    was_calm: bool,
+    /// Whether the filter was consistent before.
+    trusted: bool,
 }
 
 /// A channel as the filter sees it: its innovation, and its derivative with respect to the first coordinates.
@@ -99,7 +99,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             constants: Constant::zeros(),
             reset: false,
             recovered: false,
-            was_calm: false,
+            trusted: false,
         };
         let is_supported = self.support.situation() == Situation::Supported;
         let is_carried = is_supported || measured.is_still;
@@ -107,7 +107,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         if measured.specific_force.is_some() && !self.is_velocity_clear() {
             measured.specific_force = None;
         }
-        moved.was_calm = self.watch.is_calm();
+        moved.trusted = self.watch.is_trusted();
         let mut fused = [false; 2];
         let mut followed = true;
         for k in 0..self.channels.len() {
@@ -186,7 +186,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         let square = normalised * normalised;
         // NaN is not within the gate, so it is rejected.
         let within = square <= self.gate;
-        let trusted = within || moved.was_calm && self.watch.predicts(k);
+        let trusted = within || moved.trusted && self.watch.follows(k);
         self.watch.take(k, normalised, !within, self.duration);
         self.activity.take(k, normalised);
         self.squares[0] += if within { square } else { self.gate };
