@@ -1,7 +1,8 @@
 //! Nonsense that is legal on the line, in the unit's precision and steps: garbage, outages, jumps, stuck sensors, wild
 //! restarts. The flights are the same model's, with a moving posture and inputs that the filter does not know.
 //!
-//! `BODYFLIGHT_RANDOM_MINUTES=N` flies N random minutes instead of 30.
+//! `BODYFLIGHT_RANDOM_MINUTES=N` flies N random minutes instead of 30, and `BODYFLIGHT_RANDOM_FIRST=K` begins with minute K.
+//! Each finding is printed with its minute.
 
 use bodyflight_core::body::Segment;
 use bodyflight_core::body::anthropometry::{Person, Sex};
@@ -47,6 +48,24 @@ struct Counts {
     late: u32,
     /// Times at which it was consistent for half a second with an error above five of its deviations.
     confident_and_wrong: u32,
+}
+
+impl Counts {
+    /// Checks the numbers of an estimate and of the filter.
+    fn see(&mut self, estimate: &MotionEstimate<f32>, filter: &ReducedMotionFilter<f32>) {
+        self.not_finite += u32::from(
+            !estimate.deviation.iter().all(|d| d.is_finite()) || !filter.state().is_finite(),
+        );
+        let factors = filter.factors().elements();
+        self.indefinite +=
+            u32::from(!(0..STATES).all(|j| factors[(j, j)] > 0.0 && factors[(j, j)].is_finite()));
+        self.subnormal += u32::from(
+            factors
+                .iter()
+                .chain(&filter.activity())
+                .any(|v| v.is_subnormal()),
+        );
+    }
 }
 
 /// Random numbers of a flight.
@@ -187,8 +206,12 @@ impl Change {
     }
 }
 
-/// Largest error of the motion and of the muscle input, in stated deviations.
-fn error(estimate: &MotionEstimate<f32>, motion: &Motion<f64>, inputs: &Inputs<f64>) -> f64 {
+/// Largest error of the motion and of the muscle input, in stated deviations, and the coordinate that has it.
+fn error(
+    estimate: &MotionEstimate<f32>,
+    motion: &Motion<f64>,
+    inputs: &Inputs<f64>,
+) -> (f64, usize) {
     let found: Motion<f64> = estimate.motion.cast();
     let turn =
         motion.inertial_from_body.quaternion().inverse() * found.inertial_from_body.quaternion();
@@ -202,12 +225,40 @@ fn error(estimate: &MotionEstimate<f32>, motion: &Motion<f64>, inputs: &Inputs<f
         (MUSCLE, muscle),
     ];
     let ratio = |first: usize, gap: Vector3<f64>| {
-        (0..3).map(move |k| gap[k].abs() / f64::from(estimate.deviation[first + k]))
+        (first..first + 3)
+            .map(move |k| (gap[k - first].abs() / f64::from(estimate.deviation[k]), k))
     };
     let all = groups
         .into_iter()
         .flat_map(|(first, gap)| ratio(first, gap));
-    all.fold(0.0, f64::max)
+    all.fold(
+        (0.0, 0),
+        |most, one| if one.0 > most.0 { one } else { most },
+    )
+}
+
+/// What keeps an estimate from being consistent: channels with mean square, correlation and share of rejections, the
+/// residual load, the time without measurements, a sensor that jumped, and the rate.
+fn why(estimate: &MotionEstimate<f32>) -> String {
+    let watch = &estimate.watch;
+    let channels = watch.channels.iter().enumerate();
+    let channels = channels.filter(|(_, c)| c.seen && c.consistency() != Consistency::Consistent);
+    let mut text: String = channels
+        .map(|(k, c)| {
+            let [square, correlation, rejected] = [c.mean_square, c.correlation, c.rejected];
+            format!("channel {k}: {square:.2} {correlation:.2} {rejected:.3}, ")
+        })
+        .collect();
+    let deviations = estimate.deviation.fixed_rows::<9>(0).into_owned();
+    text.push_str(&format!(
+        "residual {:.1}, unseen {:.1?}, suspect {}, pace {:?}, deviations {:.2?}",
+        watch.residual,
+        watch.unseen,
+        watch.suspect,
+        watch.pace,
+        deviations.as_slice()
+    ));
+    text
 }
 
 /// Flies a random minute.
@@ -246,6 +297,7 @@ fn minute(seed: u64, counts: &mut Counts, ranges: &mut RangeWatch) {
     let mut state = State::from_motion(&start, &dynamics.hold(&from));
     let mut change = Change::new(Event::Clean, &mut random);
     let (mut until, mut wrong) = (random.between(3.0, 6.0), 0.0);
+    let mut last = (0.0, Event::Clean);
     let mut waiting: Option<f64> = None;
     for k in 1..=(60.0 * rate) as u32 {
         let time = f64::from(k) / rate;
@@ -262,6 +314,9 @@ fn minute(seed: u64, counts: &mut Counts, ranges: &mut RangeWatch) {
         if time > until {
             let clean = change.event == Event::Clean;
             let next = if clean { random.event() } else { Event::Clean };
+            if !clean {
+                last = (time, change.event);
+            }
             change = Change::new(next, &mut random);
             until = time
                 + if clean {
@@ -289,31 +344,32 @@ fn minute(seed: u64, counts: &mut Counts, ranges: &mut RangeWatch) {
         let Some(estimate) = pushed else {
             continue;
         };
-        counts.not_finite += u32::from(
-            !estimate.deviation.iter().all(|d| d.is_finite()) || !filter.state().is_finite(),
-        );
-        let factors = filter.factors().elements();
-        counts.indefinite +=
-            u32::from(!(0..STATES).all(|j| factors[(j, j)] > 0.0 && factors[(j, j)].is_finite()));
-        counts.subnormal += u32::from(
-            factors
-                .iter()
-                .chain(&filter.activity())
-                .any(|v| v.is_subnormal()),
-        );
+        counts.see(&estimate, &filter);
         let consistent = estimate.consistency == Consistency::Consistent;
         let before = wrong;
-        wrong = if consistent && error(&estimate, &motion, &inputs) > 5.0 {
+        let (ratio, coordinate) = error(&estimate, &motion, &inputs);
+        wrong = if consistent && ratio > 5.0 {
             wrong + 4.0 / rate
         } else {
             0.0
         };
-        counts.confident_and_wrong += u32::from(wrong > 0.5 && before <= 0.5);
+        if wrong > 0.5 && before <= 0.5 {
+            counts.confident_and_wrong += 1;
+            println!(
+                "minute {seed}, {time:.2} s, {rate} Hz: {ratio:.1} deviations in {coordinate}; {last:?}"
+            );
+        }
         if let Some(since) = waiting
             && (consistent || time - since > 2.0)
         {
             counts.events += 1;
-            counts.late += u32::from(!consistent);
+            if !consistent {
+                counts.late += 1;
+                println!(
+                    "minute {seed}, {time:.2} s, {rate} Hz: late after {last:?}: {}",
+                    why(&estimate)
+                );
+            }
             waiting = None;
         }
     }
@@ -321,14 +377,15 @@ fn minute(seed: u64, counts: &mut Counts, ranges: &mut RangeWatch) {
 
 #[test]
 fn random_minutes_leave_the_filter_definite_and_it_comes_back() {
-    let asked = std::env::var("BODYFLIGHT_RANDOM_MINUTES");
-    let minutes = asked
-        .ok()
-        .and_then(|minutes| minutes.parse().ok())
-        .unwrap_or(30);
+    let asked = |name, otherwise| {
+        let asked = std::env::var(name).ok();
+        asked.map_or(otherwise, |number| number.parse().unwrap())
+    };
+    let minutes = asked("BODYFLIGHT_RANDOM_MINUTES", 30);
+    let first = asked("BODYFLIGHT_RANDOM_FIRST", 0);
     let mut counts = Counts::default();
     let mut ranges = RangeWatch::default();
-    for seed in 0..minutes {
+    for seed in first..first + minutes {
         minute(seed, &mut counts, &mut ranges);
     }
     println!("{minutes} minutes: {counts:?}\n{}", ranges.report());
@@ -336,13 +393,12 @@ fn random_minutes_leave_the_filter_definite_and_it_comes_back() {
         [counts.not_finite, counts.indefinite, counts.subnormal],
         [0; 3]
     );
-    // Aims: none late, and never confident and wrong. What the filter reaches is on the page of the estimator.
+    // Aims: none late, and never confident and wrong; the minutes of every test run reach them. What many more reach is on
+    // the page of the estimator.
+    let allowed = 0.005 * f64::from(counts.events) * f64::from(u8::from(minutes > 100));
+    assert!(f64::from(counts.late) <= allowed, "{counts:?}");
     assert!(
-        f64::from(counts.late) <= 0.02 * f64::from(counts.events),
-        "{counts:?}"
-    );
-    assert!(
-        f64::from(counts.confident_and_wrong) <= 0.01 * f64::from(counts.events),
+        f64::from(counts.confident_and_wrong) <= allowed,
         "{counts:?}"
     );
 }

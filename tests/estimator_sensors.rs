@@ -213,7 +213,7 @@ fn standing_and_sitting_in_an_aircraft_are_called_that() {
             println!(
                 "{name}, accelerometer {accelerometer}: consistent {consistent:.3}, supported {supported:.3}"
             );
-            assert!(consistent < 0.06 && supported > 0.8, "{name}");
+            assert!(consistent < 0.02 && supported > 0.9, "{name}");
         }
     }
     // Attitude and rates alone cannot tell.

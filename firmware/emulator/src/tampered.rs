@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use bodyflight_core::estimator::motion::state::{ATTITUDE, MUSCLE, STATES, VELOCITY};
 use bodyflight_core::link::{
-    Estimate, Header, Hello, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample,
+    Estimate, Header, Hello, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample, Setup,
 };
 use bodyflight_core::ubx::{self, NavPvt};
 use bodyflight_core::xbus::{
@@ -185,17 +185,38 @@ impl Judged {
     }
 }
 
-/// Flies the unit's application with a flight's configuration and what was `sent`.
+/// Flies the unit's application with a flight's configuration and what was `sent`, and compares with what was flown.
+///
+/// # Panics
+/// Same as [`estimates`].
+pub fn fly(sensed: &Sensed, sent: &[Sent]) -> Vec<Judged> {
+    let found = estimates(&sensed.setup, sent);
+    let found = found.iter().filter_map(|told| judged(sensed, told));
+    found.collect()
+}
+
+/// An estimate and all of its stated deviations.
+#[derive(Debug, Clone, Copy)]
+pub struct Told {
+    /// Time in the flight (s).
+    pub time: f64,
+    /// The estimate.
+    pub estimate: Estimate,
+    /// In the order of [`bodyflight_core::estimator::motion::state`].
+    pub deviation: [f32; STATES],
+}
+
+/// The estimates of the unit's application with a configuration and what was `sent`.
 ///
 /// # Panics
 /// Panics if the unit does not accept the configuration, or if an estimate is not finite.
-pub fn fly(sensed: &Sensed, sent: &[Sent]) -> Vec<Judged> {
+pub fn estimates(setup: &Setup, sent: &[Sent]) -> Vec<Told> {
     let bench = Bench {
         now: Cell::new(0),
         estimate: RefCell::new(None),
     };
     let mut unit = Unit::new(bench, Identity::default());
-    assert!(unit.resume(&sensed.setup), "a usable configuration");
+    assert!(unit.resume(setup), "a usable configuration");
     let mut frame = [0; MAX_FRAME_LENGTH];
     let mut send = |unit: &mut Unit<Bench>, message: Option<Message>| {
         let header = Header {
@@ -234,7 +255,11 @@ pub fn fly(sensed: &Sensed, sent: &[Sent]) -> Vec<Judged> {
         let estimate = unit.board().estimate.borrow_mut().take();
         let deviation = unit.computer().deviation();
         if let (Some((_, estimate)), Some(deviation)) = (estimate, deviation) {
-            found.extend(judged(sensed, sent.time, &estimate, &deviation));
+            found.push(Told {
+                time: sent.time,
+                estimate,
+                deviation,
+            });
         }
     }
     assert_eq!(
@@ -245,12 +270,12 @@ pub fn fly(sensed: &Sensed, sent: &[Sent]) -> Vec<Judged> {
     found
 }
 
-fn judged(
-    sensed: &Sensed,
-    time: f64,
-    estimate: &Estimate,
-    deviation: &[f32; STATES],
-) -> Option<Judged> {
+fn judged(sensed: &Sensed, told: &Told) -> Option<Judged> {
+    let Told {
+        time,
+        estimate,
+        deviation,
+    } = *told;
     let (velocity, attitude) = sensed.truth(time)?;
     let turn = estimate.inertial_from_body.unpack().inverse() * attitude;
     let miss = Vector3::from(estimate.velocity) - velocity;
@@ -259,7 +284,7 @@ fn judged(
     let group = |first: usize| [0, 1, 2].map(|k| deviation[first + k]);
     Some(Judged {
         time,
-        estimate: *estimate,
+        estimate,
         error: [
             UnitQuaternion::scaled_axis(&turn).into(),
             miss.into(),

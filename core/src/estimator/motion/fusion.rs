@@ -17,6 +17,7 @@ use super::state::{
 };
 use super::support::Situation;
 use super::update::Innovation;
+use super::watch::Consistency;
 use crate::dynamics::interval::Interval;
 use crate::estimator::factor::Cholesky;
 use crate::estimator::limits::limit;
@@ -141,7 +142,8 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.watch.pass(fused, self.duration);
         followed &= fused.contains(&true) && !moved.reset;
         let consistency = self.watch.consistency();
-        moved.recovered = self.recovery.take(consistency, followed, self.duration);
+        let misfit = self.watch.residual_consistency() != Consistency::Consistent;
+        moved.recovered = (self.recovery).take(consistency, misfit, followed, self.duration);
         self.settle(&moved);
     }
 
@@ -162,6 +164,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             if !measured.is_superseded(k) {
                 self.faults.measurement = true;
                 self.watch.take_unusable(k, self.duration);
+                self.rejections[k].contradict();
                 self.channels[k].rejected = true;
             }
             return false;
@@ -361,6 +364,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
             self.constants.disconnect();
         }
         if moved.reset {
+            self.watch.begin_again();
             // A motion of which one part was wrong misled the others, and the inputs.
             for (first, deviation) in [ATTITUDE, VELOCITY, SPIN].into_iter().zip(MISLED) {
                 for k in first..first + 3 {
@@ -368,9 +372,11 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
                 }
             }
         }
-        if moved.reset || moved.recovered {
+        let is_left = moved.reset || moved.recovered;
+        if is_left {
             self.forget_inputs();
         }
+        self.lasting.pass(is_left, self.duration);
         self.keep_assumption();
         if moved.recovered {
             self.activity.calm();

@@ -1,13 +1,20 @@
-//! Errors of sensors that last for seconds, so that no mean removes them: of an attitude, and of a receiver's velocity.
+//! Errors that last for seconds, so that no mean removes them: of an attitude sensor, of a receiver's velocity, and of the
+//! muscle input after a motion that was wrong.
 //!
-//! They are considered rather than estimated: the filter follows such a sensor, and what it states includes the error.
+//! They are considered rather than estimated: the filter follows such a sensor, and what it states includes the error. A
+//! motion that was given up leaves moments behind which the filter divides among muscles and residual load; what of it is
+//! wrong fades as the inputs do.
 
 use super::measurement::SensorMeasurement;
-use super::state::{ATTITUDE, Difference, VELOCITY};
-use crate::math::Real;
+use super::state::{ATTITUDE, Difference, MUSCLE, VELOCITY};
+use crate::math::{Real, flushed};
 
 /// Largest error of a receiver that is considered (m/s): solutions beyond it hardly move the estimate.
 const LARGEST: f32 = 1.0;
+
+/// Error of the muscle input right after a motion was given up, and the time in which it fades (s).
+const LEFT: f32 = 1.0;
+const FADES: f32 = 4.0;
 
 /// Variances of the errors that last.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,6 +23,8 @@ pub(super) struct Lasting<T> {
     attitude: T,
     /// Of the velocity, horizontal and vertical (m2/s2).
     velocity: [T; 2],
+    /// Of the muscle input, each axis.
+    muscle: T,
 }
 
 impl<T: Real> Lasting<T> {
@@ -24,7 +33,18 @@ impl<T: Real> Lasting<T> {
         Self {
             attitude: T::zero(),
             velocity: [T::zero(); 2],
+            muscle: T::zero(),
         }
+    }
+
+    /// Passes an interval of `duration` (s); `is_left` says whether the motion was given up in it.
+    pub(super) fn pass(&mut self, is_left: bool, duration: T) {
+        let faded = self.muscle * (T::of(2.0) * duration / T::single(FADES));
+        self.muscle = if is_left {
+            T::single(LEFT * LEFT)
+        } else {
+            flushed(self.muscle - faded)
+        };
     }
 
     /// Takes what is measured: an error remains when its sensor falls silent.
@@ -51,6 +71,7 @@ impl<T: Real> Lasting<T> {
         for k in 0..3 {
             variances[ATTITUDE + k] += self.attitude;
             variances[VELOCITY + k] += if k < 2 { horizontal } else { vertical };
+            variances[MUSCLE + k] += self.muscle;
         }
     }
 }
@@ -90,6 +111,23 @@ mod tests {
             ..MotionMeasurement::none()
         };
         lasting.take(&suit.into());
+        assert_eq!(lasting, Lasting::new());
+    }
+
+    #[test]
+    fn what_a_wrong_motion_leaves_in_the_muscle_input_fades() {
+        let mut lasting = Lasting::<f64>::new();
+        lasting.pass(true, 0.01);
+        for (seconds, right) in [(0, 1.0), (4, 0.37), (4, 0.135)] {
+            (0..seconds * 100).for_each(|_| lasting.pass(false, 0.01));
+            let mut variances = Difference::zeros();
+            lasting.add_to(&mut variances);
+            assert!(
+                (variances[MUSCLE].sqrt() - right).abs() < 0.01,
+                "{variances}"
+            );
+        }
+        (0..100_000).for_each(|_| lasting.pass(false, 0.01));
         assert_eq!(lasting, Lasting::new());
     }
 }

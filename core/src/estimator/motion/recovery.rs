@@ -5,11 +5,15 @@ use crate::math::Real;
 
 /// Time without a rejected measurement (s) after which the filter follows its sensors again.
 const FOLLOWED: f32 = 0.3;
+/// Time (s) in which what was learned while measurements were wrong or missing shows as a load that joints cannot cause.
+const SHOWN: f32 = 1.5;
 
 /// Whether the filter was lost, and since when it follows its sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Recovery<T> {
     lost: bool,
+    /// Whether measurements were rejected or missing, and inputs have not been forgotten since.
+    disturbed: bool,
     followed: T,
 }
 
@@ -17,23 +21,38 @@ impl<T: Real> Recovery<T> {
     pub(super) fn new() -> Self {
         Self {
             lost: false,
+            disturbed: false,
             followed: T::zero(),
         }
     }
 
-    /// Takes the consistency after an interval of `duration` (s), and whether a measurement was rejected in it or there
-    /// was none. Returns whether the filter has just recovered.
-    pub(super) fn take(&mut self, consistency: Consistency, followed: bool, duration: T) -> bool {
+    /// Takes the consistency after an interval of `duration` (s), whether the residual load is a `misfit`, larger than joints
+    /// can cause, and whether no measurement was rejected in the interval and there was one. Returns whether the filter has
+    /// just recovered.
+    pub(super) fn take(
+        &mut self,
+        consistency: Consistency,
+        misfit: bool,
+        followed: bool,
+        duration: T,
+    ) -> bool {
         self.lost |= consistency == Consistency::Lost;
         if !followed {
+            self.disturbed = true;
             self.followed = T::zero();
             return false;
         }
-        let enough = T::single(FOLLOWED);
-        if self.followed < enough {
+        let [enough, shown] = [FOLLOWED, SHOWN].map(T::single);
+        if self.followed < shown {
             self.followed += duration;
+        } else {
+            self.disturbed = false;
         }
-        self.followed >= enough && core::mem::take(&mut self.lost)
+        if self.followed < enough || !(self.lost || self.disturbed && misfit) {
+            return false;
+        }
+        (self.lost, self.disturbed) = (false, false);
+        true
     }
 }
 
@@ -44,15 +63,24 @@ mod tests {
     #[test]
     fn a_loss_ends_once_when_nothing_was_rejected_for_a_while() {
         let mut recovery = Recovery::<f64>::new();
-        let mut recovered = |consistency, followed, intervals| {
-            let take = |_| recovery.take(consistency, followed, 0.01);
+        let mut recovered = |consistency, misfit, followed, intervals| {
+            let take = |_| recovery.take(consistency, misfit, followed, 0.01);
             (0..intervals).map(take).filter(|now| *now).count()
         };
-        assert_eq!(recovered(Consistency::Doubtful, true, 100), 0);
-        assert_eq!(recovered(Consistency::Lost, false, 100), 0);
-        assert_eq!(recovered(Consistency::Lost, true, 20), 0);
-        assert_eq!(recovered(Consistency::Doubtful, false, 1), 0);
-        assert_eq!(recovered(Consistency::Doubtful, true, 25), 0);
-        assert_eq!(recovered(Consistency::Doubtful, true, 100), 1);
+        assert_eq!(recovered(Consistency::Doubtful, true, true, 200), 0);
+        assert_eq!(recovered(Consistency::Lost, false, false, 100), 0);
+        assert_eq!(recovered(Consistency::Lost, false, true, 20), 0);
+        assert_eq!(recovered(Consistency::Doubtful, false, false, 1), 0);
+        assert_eq!(recovered(Consistency::Doubtful, false, true, 25), 0);
+        assert_eq!(recovered(Consistency::Doubtful, false, true, 200), 1);
+        // A load that appears once measurements are right again was learned from wrong ones.
+        assert_eq!(recovered(Consistency::Doubtful, false, false, 1), 0);
+        assert_eq!(recovered(Consistency::Consistent, false, true, 100), 0);
+        assert_eq!(recovered(Consistency::Doubtful, true, true, 100), 1);
+        // Later, or without wrong measurements, it is one that acts.
+        assert_eq!(recovered(Consistency::Doubtful, true, true, 100), 0);
+        assert_eq!(recovered(Consistency::Doubtful, false, false, 1), 0);
+        assert_eq!(recovered(Consistency::Consistent, false, true, 160), 0);
+        assert_eq!(recovered(Consistency::Doubtful, true, true, 100), 0);
     }
 }

@@ -7,7 +7,7 @@
 //! If they agree from the first, right after the filter followed the sensor, then the sensor jumped, as no body can. It
 //! is followed, since the filter cannot tell which value is right, but it stays suspect until it jumps back.
 
-use super::measurement::{CHANNELS, FORCE_CHANNELS};
+use super::measurement::{CHANNELS, FORCE_CHANNELS, RATE_CHANNELS};
 use super::state::{ATTITUDE, RESIDUAL_FORCE, SPIN, VELOCITY};
 use crate::math::Real;
 
@@ -56,6 +56,8 @@ pub(super) struct Rejection<T> {
     /// Sum of the sensor's jumps, and the time for which it stays suspect (s).
     jumped: T,
     suspect: T,
+    /// Time for which another jump belongs to the return of another channel (s).
+    excused: T,
 }
 
 impl<T: Real> Rejection<T> {
@@ -69,6 +71,7 @@ impl<T: Real> Rejection<T> {
             contradicted: false,
             jumped: T::zero(),
             suspect: T::zero(),
+            excused: T::zero(),
         }
     }
 
@@ -83,12 +86,33 @@ impl<T: Real> Rejection<T> {
         self.suspect = T::zero();
     }
 
-    /// Takes the sensor as no longer suspect in a moment, because another channel has jumped back.
+    /// Takes the sensor as no longer suspect in a moment, because another channel has jumped back. This one may do so without
+    /// having jumped, if it was not followed then.
     pub(super) fn excuse(&mut self) {
         let longest = T::single(EXCUSED);
+        self.excused = longest;
         if self.suspect > longest {
             self.suspect = longest;
         }
+    }
+
+    /// Takes a measurement that is not plausible: it contradicts those before and after it.
+    pub(super) fn contradict(&mut self) {
+        self.contradicted = true;
+        self.last = T::of(f64::NAN);
+        if self.count == 0 {
+            self.first = T::zero();
+            self.count = 1;
+        }
+    }
+
+    /// Whether an innovation within the gate is the jump back of a sensor that is suspect: the jump has made the filter so
+    /// uncertain that the gate is wide. An attitude may overshoot, since its axes do not turn one after another.
+    fn is_back_within(&self, value: T, noise: T) -> bool {
+        let missing = value + self.jumped;
+        let allowed = self.jumped * T::single(BACK);
+        let clear = T::single(DEVIATIONS * DEVIATIONS) * noise;
+        self.is_suspect() && missing * missing <= allowed * allowed && value * value > clear
     }
 
     /// Ends a streak.
@@ -96,6 +120,7 @@ impl<T: Real> Rejection<T> {
         *self = Self {
             jumped: self.jumped,
             suspect: self.suspect,
+            excused: self.excused,
             ..Self::new()
         };
     }
@@ -122,7 +147,7 @@ impl<T: Real> Rejection<T> {
         let tolerance = largest * T::single(BACK) + deviation * T::single(BACK_DEVIATIONS);
         let small = self.jumped.abs() <= tolerance;
         // While it follows a wrong sensor the filter may become inconsistent, and so do the jumps back.
-        let back = self.contradicted || small && self.is_suspect();
+        let back = self.contradicted || self.excused > T::zero() || small && self.is_suspect();
         if back || small {
             self.pardon();
         } else {
@@ -136,6 +161,9 @@ impl<T: Real> Rejection<T> {
         // Bounded, so that it stays exact.
         if self.since < T::of(100.0) {
             self.since += duration;
+        }
+        if self.excused > T::zero() {
+            self.excused -= duration;
         }
         if self.is_suspect() {
             self.suspect -= duration;
@@ -157,6 +185,10 @@ impl<T: Real> Rejection<T> {
         let elapsed = core::mem::replace(&mut self.since, T::zero());
         if within {
             self.end();
+            if channel >= RATE_CHANNELS.start && self.is_back_within(value, noise) {
+                self.pardon();
+                return Verdict::Return;
+            }
             return Verdict::Gate;
         }
         if self.count == 0 {
@@ -165,7 +197,11 @@ impl<T: Real> Rejection<T> {
         }
         let drift = T::single(RATES[kind(channel)]) * elapsed;
         let sensor = T::single(2.0 * DEVIATIONS * DEVIATIONS) * noise;
-        let change = value - self.last;
+        let change = match [value - self.last, value + self.last] {
+            // Half a turn is the same in either direction.
+            [turn, back] if kind(channel) == 0 && back.abs() < turn.abs() => back,
+            [change, _] => change,
+        };
         // The comparison is false for NaN.
         let agrees = self.count > 0 && change * change <= sensor + drift * drift;
         self.last = value;
@@ -278,8 +314,68 @@ mod tests {
             }
         }
         assert!(!rejection.is_suspect());
+        // An attitude that is half a turn away is as far in either direction.
+        let mut rejection = Rejection::<f64>::new();
+        let half_turn = (0..240).position(|k| {
+            rejection.pass(1.0 / 120.0);
+            let value = if k % 3 == 0 { 1.9 } else { -1.9 };
+            rejection.judge(1, [value, 1e-4], false, true) != Verdict::Gate
+        });
+        assert!(
+            half_turn.is_some_and(|k| (36..40).contains(&k)),
+            "{half_turn:?}"
+        );
         // One value within the gate ends a streak.
         let now_and_then = |k: i32| if k % 30 == 0 { 0.0 } else { 20.0 };
         assert_eq!(resets((1..960).map(now_and_then)), None);
+    }
+
+    /// Judges the same innovation of channel 6 at 120 Hz until it is more than gated, or a second is over.
+    fn judged(rejection: &mut Rejection<f64>, value: f64, within: bool) -> Verdict {
+        let mut verdicts = (0..120).map(|_| {
+            rejection.pass(1.0 / 120.0);
+            rejection.judge(6, [value, 0.01], within, true)
+        });
+        let found = verdicts.find(|verdict| *verdict != Verdict::Gate);
+        found.unwrap_or(Verdict::Gate)
+    }
+
+    #[test]
+    fn implausible_values_contradict_those_between_them() {
+        let mut rejection = Rejection::<f64>::new();
+        for _ in 0..240 {
+            rejection.pass(1.0 / 120.0);
+            rejection.contradict();
+            let verdict = rejection.judge(6, [20.0, 0.01], false, true);
+            assert_eq!(verdict, Verdict::Gate);
+        }
+        // What agrees after that is believed, and no sensor is suspect because of it.
+        assert_eq!(judged(&mut rejection, 20.0, false), Verdict::Return);
+        assert!(!rejection.is_suspect());
+    }
+
+    #[test]
+    fn a_jump_back_counts_within_a_wide_gate_too() {
+        let mut rejection = Rejection::<f64>::new();
+        assert_eq!(judged(&mut rejection, 9.0, false), Verdict::Reset);
+        assert!(rejection.is_suspect());
+        // Noise, or another change, is none.
+        for value in [0.3, -0.3, 9.0, -4.0] {
+            assert_eq!(judged(&mut rejection, value, true), Verdict::Gate);
+        }
+        assert_eq!(judged(&mut rejection, -8.0, true), Verdict::Return);
+        assert!(!rejection.is_suspect());
+    }
+
+    #[test]
+    fn a_channel_may_return_after_another_though_its_own_jump_was_missed() {
+        let mut rejection = Rejection::<f64>::new();
+        rejection.excuse();
+        assert_eq!(judged(&mut rejection, -8.0, false), Verdict::Return);
+        assert!(!rejection.is_suspect());
+        // Later it is a jump.
+        (0..240).for_each(|_| rejection.pass(1.0 / 120.0));
+        assert_eq!(judged(&mut rejection, -8.0, false), Verdict::Reset);
+        assert!(rejection.is_suspect());
     }
 }

@@ -164,6 +164,14 @@ impl<T: Real> ChannelWatch<T> {
         self.last = normalised;
     }
 
+    /// Begins the means that will replace the present ones.
+    fn begin_again(&mut self) {
+        self.clean = T::zero();
+        self.clean_sums = [T::zero(); 3];
+        self.calm = Calm::new();
+        self.renewing = true;
+    }
+
     /// Returns the weight of a measurement in the means, and the time since the last one (s).
     fn take_rejection(&mut self, rejected: bool, duration: T) -> [T; 2] {
         let since = core::mem::replace(&mut self.since, T::zero());
@@ -179,11 +187,8 @@ impl<T: Real> ChannelWatch<T> {
         if rejected {
             self.rejected += (T::one() - self.rejected) * share;
             self.streak = self.streak.saturating_add(1);
-            self.clean = T::zero();
             self.followed = 0;
-            self.clean_sums = [T::zero(); 3];
-            self.calm = Calm::new();
-            self.renewing = true;
+            self.begin_again();
             return [share, since];
         }
         self.streak = 0;
@@ -302,6 +307,14 @@ impl<T: Real> Watch<T> {
         }
     }
 
+    /// Lets the means of all channels be replaced, in a second, by those since now: what was measured before was compared with
+    /// a motion that has been given up.
+    pub fn begin_again(&mut self) {
+        for channel in &mut self.channels {
+            channel.begin_again();
+        }
+    }
+
     /// Starts the statistics of all channels again, after the filter has recovered from a loss.
     pub fn renew(&mut self) {
         for channel in 0..CHANNELS {
@@ -380,25 +393,27 @@ impl<T: Real> Watch<T> {
         self.channels[channel].followed >= FOLLOWED
     }
 
-    /// Returns whether the filter is consistent, apart from a sensor that jumped.
+    /// Returns whether the filter followed its sensors so far, so that one that jumps is at fault: apart from a sensor that
+    /// jumped before, and from a residual load that may have been learned wrongly.
     pub fn is_trusted(&self) -> bool {
-        self.consistency_with(false) == Consistency::Consistent
+        let [_, lost] = RESIDUAL;
+        self.residual <= T::single(lost) && self.measured(false) == Consistency::Consistent
     }
 
     /// Returns the worst consistency of all channels and of the residual load.
     pub fn consistency(&self) -> Consistency {
-        self.consistency_with(self.suspect)
+        self.measured(self.suspect).max(self.residual_consistency())
     }
 
-    /// Returns the same if a sensor may be suspect. Out of line, for the stack of the unit.
+    /// Returns the worst consistency of all channels, if a sensor may be suspect. Out of line, for the stack of the unit.
     #[inline(never)]
-    fn consistency_with(&self, is_suspect: bool) -> Consistency {
+    fn measured(&self, is_suspect: bool) -> Consistency {
         let blindness = self.blindness(is_suspect);
         self.channels
             .iter()
             .filter(|channel| channel.seen)
             .map(ChannelWatch::consistency)
-            .fold(self.residual_consistency().max(blindness), Ord::max)
+            .fold(blindness, Ord::max)
     }
 }
 
@@ -463,5 +478,33 @@ mod tests {
             }
             assert_eq!(watch.consistency(), expected, "{load}");
         }
+    }
+
+    #[test]
+    fn what_was_compared_with_a_motion_that_was_given_up_counts_for_a_second_at_most() {
+        let mut watch = Watch::<f64>::new();
+        let take = |watch: &mut Watch<f64>, offset: f64, measurements: usize| {
+            for value in noise().take(measurements) {
+                watch.take(8, value + offset, false, 1.0 / 60.0);
+                watch.pass([true; 2], 1.0 / 60.0);
+            }
+            watch.consistency()
+        };
+        assert_ne!(take(&mut watch, 4.0, 24), Consistency::Consistent);
+        let mut kept = watch;
+        assert_ne!(take(&mut kept, 0.0, 66), Consistency::Consistent);
+        watch.begin_again();
+        assert_ne!(take(&mut watch, 0.0, 30), Consistency::Consistent);
+        assert_eq!(take(&mut watch, 0.0, 36), Consistency::Consistent);
+    }
+
+    #[test]
+    fn a_residual_load_alone_excuses_no_sensor() {
+        let mut watch = Watch::<f64>::new();
+        watch.pass([true; 2], 1.0 / 240.0);
+        watch.residual = 9.0;
+        assert!(watch.is_trusted() && watch.consistency() == Consistency::Doubtful);
+        watch.residual = 40.0;
+        assert!(!watch.is_trusted());
     }
 }

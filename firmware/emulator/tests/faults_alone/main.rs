@@ -1,5 +1,8 @@
 //! Sensors, receivers and hosts that say something wrong, through the unit's application without a board: what is estimated
 //! in the meantime must not be believed, and what is clean again must be soon.
+//!
+//! `BODYFLIGHT_FAULT_FLIGHTS="NAME ..."` takes other flights: bundled maneuvers (`belly-turns`) and flights of the independent
+//! simulator (`wind-slow-104/flight-1`).
 
 mod clocks;
 mod faults;
@@ -27,11 +30,21 @@ const LONGEST: f64 = 0.5;
 
 /// Flights: one from the exit on by our own model, and one of the independent simulator, whose person and postures the unit
 /// does not know.
-fn flights() -> Vec<(&'static str, Sensed)> {
-    let exit = Sensed::of_maneuver("exit-and-tracking", LENGTH, &SensorBytes::TYPICAL).unwrap();
-    let other = Sensed::of("none-mixed-102/flight-0", LENGTH, &SensorBytes::TYPICAL).unwrap();
-    let other = other.map(|other| ("none-mixed-102", other));
-    [("exit", exit)].into_iter().chain(other).collect()
+const FLIGHTS: &str = "exit-and-tracking none-mixed-102/flight-0";
+
+fn flights() -> Vec<(String, Sensed)> {
+    let asked = std::env::var("BODYFLIGHT_FAULT_FLIGHTS");
+    let names = asked.as_deref().unwrap_or(FLIGHTS).split_whitespace();
+    let flights = names.filter_map(|name| {
+        let sensed = if name.contains('/') {
+            Sensed::of(name, LENGTH, &SensorBytes::TYPICAL).unwrap()
+        } else {
+            let sensed = Sensed::of_maneuver(name, LENGTH, &SensorBytes::TYPICAL);
+            Some(sensed.unwrap())
+        };
+        Some((name.to_string(), sensed?))
+    });
+    flights.collect()
 }
 
 /// Time from `since` (s) to the next estimate that agrees with the measurements.
