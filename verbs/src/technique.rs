@@ -27,7 +27,7 @@ use against::{Expert, TURN, against};
 use agreement::agreement;
 use axes::deviation;
 use bodyflight_core::body::joint_angle::JointAngle;
-use linear::{Linear, OUTPUTS};
+use linear::{Linear, OUTPUTS, Single};
 use patterns::{Component, State, components, floor};
 use report::{Answer, Fall, Pattern, Report, Weight};
 use response::{Response, growth, response};
@@ -127,7 +127,7 @@ pub fn technique(
                 linear,
                 &dynamics,
                 &axes,
-                &found.weights,
+                &found.told,
                 experts,
                 found.rms,
             ))
@@ -188,14 +188,21 @@ fn patterns_of(
     let mut patterns = Vec::new();
     for found in named {
         let answer = linear.map(|linear| {
-            let single = linear.of_pattern(&found.weights);
+            let single = linear.of_pattern(&found.told);
+            let errors: Vec<Single> = (0..axes.len())
+                .map(|axis| {
+                    let mut error = DVector::zeros(axes.len());
+                    error[axis] = found.deviations[axis];
+                    linear.of_pattern(&error)
+                })
+                .collect();
             let responses: Vec<Response> = (0..OUTPUTS)
-                .map(|output| response(&single, output))
+                .map(|output| response(&single, output, &errors))
                 .collect();
             Answer {
                 turn_share_radps: found.rms * responses[TURN].gain.abs(),
                 responses,
-                agreement: agreement(linear, dynamics, axes, &found.weights),
+                agreement: agreement(linear, dynamics, axes, &found.told),
             }
         });
         patterns.push(pattern(axes, found, answer));
@@ -243,7 +250,7 @@ pub fn expert(name: String, technique: &Technique) -> Option<Expert> {
     let found = technique.components.get(place)?;
     Some(Expert {
         name,
-        weights: found.weights.clone(),
+        weights: found.told.clone(),
     })
 }
 
@@ -270,6 +277,7 @@ fn pattern(axes: &[JointAngle], found: &Component, answer: Option<Answer>) -> Pa
         .map(|(k, axis)| Weight {
             angle: axis.to_string(),
             weight: found.weights[k],
+            told: found.told[k],
             deviation: found.deviations[k],
         })
         .collect();

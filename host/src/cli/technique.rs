@@ -178,13 +178,25 @@ fn write_amplitudes(path: &Path, found: &Technique) -> Result<()> {
 }
 
 fn write_responses(path: &Path, report: &Report) -> Result<()> {
-    let columns = ["pattern", "output", "frequency_hz", "gain", "phase_rad"];
+    let columns = [
+        "pattern",
+        "output",
+        "frequency_hz",
+        "gain",
+        "gain_deviation",
+        "phase_rad",
+    ];
     let mut file = CsvFile::create(path, &columns)?;
     for (number, pattern) in report.patterns.iter().enumerate() {
         let responses = pattern.answer.iter().flat_map(|answer| &answer.responses);
         for response in responses {
             for point in &response.bode {
-                let numbers = [point.frequency_hz, point.gain, point.phase_rad];
+                let numbers = [
+                    point.frequency_hz,
+                    point.gain,
+                    point.gain_deviation,
+                    point.phase_rad,
+                ];
                 let fields = [(number + 1).to_string(), response.output.to_owned()];
                 let numbers = numbers.map(bodyflight_io::files::number);
                 file.write_fields(fields.into_iter().chain(numbers))?;

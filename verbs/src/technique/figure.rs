@@ -156,7 +156,7 @@ pub fn picture_svg(title: &str, body: &Body<f64>, technique: &Technique) -> Stri
     let found = technique.report.patterns.iter().zip(&technique.components);
     let mut top = HEAD;
     for (number, (found, component)) in found.enumerate() {
-        let along = pattern(&technique.axes, &component.weights);
+        let along = pattern(&technique.axes, &component.told);
         let size = 2.0 * component.rms;
         let _ = writeln!(
             svg,
