@@ -107,7 +107,9 @@ def test_flights_persons_and_runs_are_copied_whole(turn, copied, monkeypatch, tm
 def test_recordings_estimations_and_comparisons_are_copied_whole(turn, copied, tmp_path):
     flight = bodyflight.Flight(turn)
     found = bodyflight.estimate(flight)
-    made = [flight.read(), found, bodyflight.compare(flight, flight)]
+    bodyflight.synth("rotations", tmp_path / "rotations")
+    technique = bodyflight.technique(bodyflight.Flight(tmp_path / "rotations"))
+    made = [flight.read(), found, bodyflight.compare(flight, flight), technique]
     for it in made:
         same = copied(it)
         for name in [name for name in dir(it) if not name.startswith("__") and not callable(getattr(it, name))]:

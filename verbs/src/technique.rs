@@ -244,14 +244,36 @@ fn doubts_of(
     doubts
 }
 
-/// The turn pattern of an analysed flight, for use as an expert's; `None` if it has none.
-pub fn expert(name: String, technique: &Technique) -> Option<Expert> {
-    let place = turning_place(&technique.report)?;
-    let found = technique.components.get(place)?;
-    Some(Expert {
+/// The turn pattern of an analysed flight, for use as an expert's.
+///
+/// # Errors
+/// Returns an error if the flight has none.
+pub fn expert(name: String, technique: &Technique) -> Result<Expert> {
+    let place = turning_place(&technique.report);
+    let found = place.and_then(|place| technique.components.get(place));
+    let found = found.ok_or_else(|| {
+        Problem::bad_input(
+            "found no movement pattern that turns the body in this flight of an expert",
+        )
+        .help("leave it out of the flights compared with")
+    })?;
+    Ok(Expert {
         name,
         weights: found.told.clone(),
     })
+}
+
+/// A joint error given as an option (degrees), in rad.
+///
+/// # Errors
+/// Returns an error that names `option` if it is not above 0 and at most 45.
+pub fn joint_error(option: &str, degrees: Option<f64>) -> Result<Option<f64>> {
+    match degrees {
+        Some(degrees) if !(degrees > 0.0 && degrees <= 45.0) => Err(Problem::bad_input(format!(
+            "expected {option} above 0 and up to 45, found {degrees}"
+        ))),
+        _ => Ok(degrees.map(f64::to_radians)),
+    }
 }
 
 fn turning_place(report: &Report) -> Option<usize> {

@@ -18,6 +18,7 @@ const PARTS: [&str; 10] = [
     "python/README.md",
     "python/examples/learn_turn.py",
     "python/examples/learn_with_sb3.py",
+    "python/examples/three_skydivers.py",
 ];
 
 /// Folders that are included completely.
