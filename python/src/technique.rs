@@ -147,11 +147,7 @@ pub(crate) fn technique(
     let found = long(py, None, |_| {
         let experts = against
             .iter()
-            .map(|other| {
-                let found = analysed(&other.inner, &whole, &[], other.options)?;
-                expert(other.name(), &found)
-                    .map_err(|problem: Problem| problem.in_file(&other.inner.recording))
-            })
+            .map(|other| expert(other.name(), &other.inner, &whole, other.options))
             .collect::<Result<Vec<Expert>, Problem>>()?;
         analysed(&flight.inner, &settings, &experts, flight.options)
     })?;

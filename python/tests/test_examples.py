@@ -94,8 +94,9 @@ def test_a_browser_shows_the_learned_flight(page):
     assert plot in shown.stdout and plot not in page.read_text()
 
 
-def test_the_patterns_of_three_skydivers_and_their_responses_are_recovered(tmp_path, capsys):
-    flights, found = three_skydivers.analysed(tmp_path, seconds=14.0, error_deg=0.0)
+def test_the_patterns_of_three_skydivers_and_their_responses_are_recovered(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(three_skydivers, "HOLD", 2.5)
+    flights, found = three_skydivers.analysed(tmp_path, seconds=10.0, error_deg=0.0)
     assert list(found) == list(flights) == ["skilled", "less skilled", "elite"]
     for name, (cosine, error, errors) in found.items():
         assert cosine > 0.999 and error < 0.05 and errors < 1.0, name

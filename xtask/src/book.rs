@@ -7,7 +7,7 @@ use crate::run::{Result, root, run, say, target_folder};
 use crate::tool::tool;
 
 /// Single files of the book.
-const PARTS: [&str; 10] = [
+const PARTS: [&str; 11] = [
     "ARCHITECTURE.md",
     "CHANGELOG.md",
     "CONTRIBUTING.md",

@@ -96,8 +96,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
 
 fn read_expert(path: &Path, settings: &Settings, options: Options) -> Result<Expert> {
     let flight = Flight::read(path)?;
-    let found = technique(&flight, settings, &[], options)?;
-    expert(name_of(path), &found).map_err(|problem| problem.in_file(path))
+    expert(name_of(path), &flight, settings, options)
 }
 
 fn run_flight(
