@@ -51,7 +51,6 @@ fn the_pattern_of_a_turn_and_its_transfer_function_are_recovered() {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, options, cosine, tolerance) in [
         ("exact", vec!["--noise", "0"], 0.998, 0.05),
-        ("noise", vec!["--seed", "1"], 0.998, 0.05),
         (
             "wrong",
             vec!["--seed", "2", "--joint-error-deg", "2"],

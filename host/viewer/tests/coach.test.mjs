@@ -151,7 +151,8 @@ test("sliders act on the flight shown, and each flight keeps its changes", async
   await page.waitForSelector("html[data-ready=replay]");
   const said = () => page.textContent("#what-if-said");
   const legend = () => page.textContent("#plot-legend");
-  const told = () => page.waitForFunction(() => document.querySelector("#what-if-said").textContent.includes("turn rate"));
+  const told = () =>
+    page.waitForFunction(() => document.querySelector("#what-if-said").textContent.includes("turn rate"));
   await page.click("#what-if summary");
   await slide(page, "#what-if-joint-value", "20");
   await told();
@@ -169,7 +170,9 @@ test("sliders act on the flight shown, and each flight keeps its changes", async
   await page.selectOption("#run", "0");
   assert.equal(await said(), first);
   await page.click("button:text-is('reset changes')");
-  await page.waitForFunction(() => !document.querySelector("#plot-legend").textContent.includes("with changes, flight"));
+  await page.waitForFunction(
+    () => !document.querySelector("#plot-legend").textContent.includes("with changes, flight"),
+  );
   assert.ok((await legend()).includes("with changes, other"));
   assert.deepEqual(wrong, []);
   await page.close();
