@@ -65,7 +65,8 @@ fn the_pattern_of_a_turn_and_its_transfer_function_are_recovered() {
         ),
     ] {
         let flight = flown(folder.path(), name, &options);
-        let report = PROGRAM.json(&["technique", &flight]);
+        let report = PROGRAM.json(&["technique", &flight, "--against", &flight]);
+        agrees(&report);
         let pattern = &report["patterns"][0];
         assert_eq!(pattern["state"], "named", "{name}");
         let weights = found(pattern);
@@ -115,11 +116,8 @@ fn the_pattern_of_a_turn_and_its_transfer_function_are_recovered() {
     }
 }
 
-#[test]
-fn the_full_simulation_meets_the_linear_response_at_small_amplitudes() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let flight = flown(folder.path(), "turn", &["--noise", "0"]);
-    let report = PROGRAM.json(&["technique", &flight, "--against", &flight]);
+/// The linear response is that of the full simulation at small amplitudes, and a technique costs nothing against itself.
+fn agrees(report: &Value) {
     let all = report["patterns"][0]["answer"]["agreement"]
         .as_array()
         .expect("inputs");
@@ -128,11 +126,10 @@ fn the_full_simulation_meets_the_linear_response_at_small_amplitudes() {
         let error = input["error_at_smallest"].as_f64().expect("a number");
         assert!(error < 0.02, "{input}");
         assert!(
-            input["valid_to_rad"].as_f64().expect("a range") > 0.03,
+            input["valid_to_rad"].as_f64().expect("a range") > 0.5,
             "{input}"
         );
     }
-    // A technique costs nothing against itself.
     let against = &report["against"];
     assert!((against["alike"].as_f64().expect("a cosine") - 1.0).abs() < 1e-9);
     assert_eq!(against["own"], against["other"]);

@@ -82,9 +82,9 @@ def test_a_technique_is_the_programs(turn, program, tmp_path):
         np.testing.assert_allclose(written[..., place + 1], ours, rtol=1e-5, atol=5.01e-7)
     with pytest.raises(bodyflight.BadInput, match="joint_error_deg above 0"):
         bodyflight.technique(bodyflight.Flight(other), joint_error_deg=-1.0)
-    # Muscle input turns this flight, besides its joints.
-    with pytest.warns(bodyflight.DoubtWarning, match="not that of the linear response"):
-        assert bodyflight.technique(bodyflight.Flight(turn)).doubt is not None
+    with pytest.warns(bodyflight.DoubtWarning, match="no movement is above"):
+        none = bodyflight.technique(bodyflight.Flight(other), joint_error_deg=30.0)
+    assert none.doubt is not None and none.weights.shape == (0, 45) and none.gain.shape == (0, 5, 0)
 
 
 def test_a_recording_is_read_as_it_was_flown(turn):
