@@ -29,6 +29,7 @@ use agreement::agreement;
 use axes::deviation;
 use bodyflight_core::body::joint_angle::JointAngle;
 use linear::{Linear, OUTPUTS, Single};
+pub use part::Settings;
 use part::used;
 use patterns::{Component, State, components, floor};
 use report::{Answer, Fall, Pattern, Report, Weight};
@@ -38,19 +39,6 @@ use response::{Response, growth, response};
 const BELLY: f64 = 0.8;
 /// Share of frames belly to earth, and of the fall rate, below which the response is not that of the recording.
 const LIKE: f64 = 0.5;
-
-/// What to analyse.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Settings {
-    /// From when (s since frame 0).
-    pub from: Option<f64>,
-    /// Until when (s).
-    pub to: Option<f64>,
-    /// Only around turns faster than 0.5 rad/s.
-    pub turns: bool,
-    /// Joint error per axis (rad); otherwise the flight's tolerance of joints.
-    pub joint_error: Option<f64>,
-}
 
 /// A flight analysed, with what figures need.
 #[derive(Debug, Clone)]

@@ -5,8 +5,6 @@ use bodyflight_io::interrupt;
 use bodyflight_mvnx::recording::{FlightFrame, Options, faults};
 use bodyflight_replay::flight::Flight;
 
-use super::Settings;
-
 /// Frames this close (s) to the one before are left out: limbs move slower.
 const SPACING: f64 = 1.0 / 61.0;
 /// Shortest part that is analysed (s), and fewest frames.
@@ -15,6 +13,19 @@ const FEWEST: usize = 20;
 /// Turn rate that counts as a turn (rad/s), and time around it (s) that belongs to it.
 const TURNING: f64 = 0.5;
 const AROUND: f64 = 1.0;
+
+/// What to analyse.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Settings {
+    /// From when (s since frame 0).
+    pub from: Option<f64>,
+    /// Until when (s).
+    pub to: Option<f64>,
+    /// Only around turns faster than 0.5 rad/s.
+    pub turns: bool,
+    /// Joint error per axis (rad); otherwise the flight's tolerance of joints.
+    pub joint_error: Option<f64>,
+}
 
 /// The frames used.
 pub(super) struct Used {

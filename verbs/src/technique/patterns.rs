@@ -54,6 +54,13 @@ pub fn floor(error: f64, axes: usize, duration: f64) -> f64 {
     error * (1.0 + (axes / independent(duration)).sqrt())
 }
 
+/// A component with the sign that makes its largest weight positive.
+fn signed(weights: DVector<f64>) -> DVector<f64> {
+    let larger = |most: f64, w: &f64| if w.abs() > most.abs() { *w } else { most };
+    let largest = weights.iter().fold(0.0, larger);
+    if largest < 0.0 { -weights } else { weights }
+}
+
 /// The weights larger than the largest that chance makes of as many, scaled to length 1; all of them if none is.
 fn told(weights: &DVector<f64>, blur: &DVector<f64>) -> DVector<f64> {
     #[expect(clippy::cast_precision_loss, reason = "45 axes")]
@@ -96,13 +103,7 @@ pub fn components(rows: &[DVector<f64>], duration: f64, error: f64) -> Vec<Compo
     let total: f64 = sizes.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let least = floor(error, axes, duration);
     let component = |(place, column): (usize, &usize)| {
-        let own = eigen.eigenvectors.column(*column);
-        let largest =
-            own.iter().copied().fold(
-                0.0_f64,
-                |most, w| if w.abs() > most.abs() { w } else { most },
-            );
-        let weights = own * if largest < 0.0 { -1.0 } else { 1.0 };
+        let weights = signed(eigen.eigenvectors.column(*column).into_owned());
         let size = sizes[place];
         // First order: errors turn a component towards each of the others.
         let turns = sizes.iter().enumerate().map(|(other, of_other)| {
