@@ -126,15 +126,20 @@ pub fn components(rows: &[DVector<f64>], duration: f64, error: f64) -> Vec<Compo
             })
         };
         let deviations = deviations_by(&|_| true);
-        let told = told(&weights, &deviations_by(&|other| !real(other)));
         let exchanged = (0..axes)
             .filter(real)
             .map(|other| turns[other])
             .fold(0.0, f64::max);
+        let is_mixed = exchanged.sqrt() > MIXED;
+        let told = if is_mixed {
+            told(&weights, &deviations_by(&|other| !real(other)))
+        } else {
+            told(&weights, &deviations)
+        };
         let rms = size.sqrt();
         let state = if rms <= least {
             State::BelowErrors
-        } else if exchanged.sqrt() > MIXED {
+        } else if is_mixed {
             State::Mixed
         } else {
             State::Named
