@@ -51,7 +51,6 @@ fn the_pattern_of_a_turn_and_its_transfer_function_are_recovered() {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, options, cosine, tolerance) in [
         ("exact", vec!["--noise", "0"], 0.998, 0.05),
-        ("noise", vec!["--seed", "1"], 0.998, 0.05),
         (
             "wrong",
             vec!["--seed", "2", "--joint-error-deg", "2"],
@@ -66,7 +65,8 @@ fn the_pattern_of_a_turn_and_its_transfer_function_are_recovered() {
         ),
     ] {
         let flight = flown(folder.path(), name, &options);
-        let report = PROGRAM.json(&["technique", &flight]);
+        let report = PROGRAM.json(&["technique", &flight, "--against", &flight]);
+        agrees(&report);
         let pattern = &report["patterns"][0];
         assert_eq!(pattern["state"], "named", "{name}");
         let weights = found(pattern);
@@ -80,7 +80,7 @@ fn the_pattern_of_a_turn_and_its_transfer_function_are_recovered() {
             &JointAngle::all().collect::<Vec<_>>(),
         )
         .expect("a steady fall");
-        let exact = response(&linear.of_pattern(&known()), TURN);
+        let exact = response(&linear.of_pattern(&known()), TURN, &[]);
         let bode = pattern["answer"]["responses"][TURN]["bode"]
             .as_array()
             .expect("points");
@@ -93,24 +93,31 @@ fn the_pattern_of_a_turn_and_its_transfer_function_are_recovered() {
             });
             apart.fold(0.0, f64::max)
         };
-        let (slow, fast) = (within(0.5), within(2.0));
+        let (slow, fast) = (within(0.5), within(2.001));
         println!("{name}: cosine {alike:.4}, gain within {slow:.3} to 0.5 Hz, {fast:.3} to 2 Hz");
+        for (point, exact) in bode.iter().zip(&exact.bode) {
+            let number = |key: &str| point[key].as_f64().expect("a number");
+            let apart = (number("gain") - exact.gain).abs();
+            assert!(apart < 3.0 * number("gain_deviation"), "{name}: {point}");
+        }
         assert!(alike.abs() > cosine, "{name}: {alike}");
         assert!(slow < tolerance, "{name}: {slow}");
-        assert!(fast < 3.0 * tolerance, "{name}: {fast}");
+        assert!(fast < tolerance, "{name}: {fast}");
         // The recorded turn is that of the linear response: same model.
         let correlation = report["recorded"]["correlation"]
             .as_f64()
             .expect("a number");
         assert!(correlation > 0.8, "{name}: {correlation}");
+        // Errors of the joints lessen the slope; what is said of exact joints is not lessened.
+        let slope = report["recorded"]["slope_of_exact_joints"]
+            .as_f64()
+            .expect("a number");
+        assert!((slope - 1.02).abs() < 0.04, "{name}: {slope}");
     }
 }
 
-#[test]
-fn the_full_simulation_meets_the_linear_response_at_small_amplitudes() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let flight = flown(folder.path(), "turn", &["--noise", "0"]);
-    let report = PROGRAM.json(&["technique", &flight, "--against", &flight]);
+/// The linear response is that of the full simulation at small amplitudes, and a technique costs nothing against itself.
+fn agrees(report: &Value) {
     let all = report["patterns"][0]["answer"]["agreement"]
         .as_array()
         .expect("inputs");
@@ -119,11 +126,10 @@ fn the_full_simulation_meets_the_linear_response_at_small_amplitudes() {
         let error = input["error_at_smallest"].as_f64().expect("a number");
         assert!(error < 0.02, "{input}");
         assert!(
-            input["valid_to_rad"].as_f64().expect("a range") > 0.03,
+            input["valid_to_rad"].as_f64().expect("a range") > 0.5,
             "{input}"
         );
     }
-    // A technique costs nothing against itself.
     let against = &report["against"];
     assert!((against["alike"].as_f64().expect("a cosine") - 1.0).abs() < 1e-9);
     assert_eq!(against["own"], against["other"]);

@@ -70,6 +70,27 @@ fn transcripts_in_the_documentation_are_reproduced() {
         .register_bin("bodyflight", Path::new(BODYFLIGHT))
         .case(folder.path().join("*.md"))
         .run();
+    // Roundings of the last digit drawn may differ elsewhere.
+    if cfg!(target_os = "linux") {
+        assert!(pictures_as_written(folder.path()) > 0);
+    }
+}
+
+/// Checks that pictures on the pages are those that their transcripts wrote; returns their number.
+fn pictures_as_written(folder: &Path) -> usize {
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    let places = fs::read_dir(folder).expect("readable").flatten();
+    let places = places.filter(|place| place.path().is_dir());
+    let files = places.flat_map(|place| fs::read_dir(place.path()).expect("readable").flatten());
+    let mut pictures = 0;
+    for file in files.filter(|file| file.path().extension().is_some_and(|end| end == "svg")) {
+        let name = file.file_name();
+        let shown = fs::read(docs.join(&name)).expect("a picture of the page");
+        let written = fs::read(file.path()).expect("readable");
+        assert!(shown == written, "docs/{} is out of date", name.display());
+        pictures += 1;
+    }
+    pictures
 }
 
 /// Commands of this program in the examples of a help text. Words in brackets after them are remarks; `&&` joins two.

@@ -45,6 +45,13 @@ struct Asked {
     arm_frame: Option<String>,
 }
 
+impl Flight {
+    /// Its name in reports.
+    pub(crate) fn name(&self) -> String {
+        flight::name_of(&self.asked.path)
+    }
+}
+
 #[pymethods]
 impl Flight {
     #[new]

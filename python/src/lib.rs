@@ -22,6 +22,7 @@ mod skydivers;
 mod subject;
 mod sweep;
 mod task;
+mod technique;
 mod threads;
 
 use pyo3::prelude::*;
@@ -41,11 +42,13 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<simulate::Run>()?;
     module.add_class::<estimate::Estimation>()?;
     module.add_class::<compare::Comparison>()?;
+    module.add_class::<technique::Technique>()?;
     module.add_class::<skydivers::Skydivers>()?;
     module.add_class::<environments::Environments>()?;
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(estimate::estimate, module)?)?;
     module.add_function(wrap_pyfunction!(compare::compare, module)?)?;
+    module.add_function(wrap_pyfunction!(technique::technique, module)?)?;
     module.add_function(wrap_pyfunction!(export::export, module)?)?;
     module.add_function(wrap_pyfunction!(export::fmu, module)?)?;
     module.add_function(wrap_pyfunction!(record::record, module)?)?;

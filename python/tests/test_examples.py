@@ -16,6 +16,7 @@ PACKAGE = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(PACKAGE / "examples"))
 
 import learn_turn  # noqa: E402
+import three_skydivers  # noqa: E402
 
 PROGRAM = Path(sys.executable).with_name("bodyflight")
 
@@ -91,6 +92,17 @@ def test_a_browser_shows_the_learned_flight(page):
     # Plots are made by the page's code, from its data.
     plot = 'data-plot="heading_rad"'
     assert plot in shown.stdout and plot not in page.read_text()
+
+
+def test_the_patterns_of_three_skydivers_and_their_responses_are_recovered(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(three_skydivers, "HOLD", 2.5)
+    flights, found = three_skydivers.analysed(tmp_path, seconds=10.0, error_deg=0.0)
+    assert list(found) == list(flights) == ["skilled", "less skilled", "elite"]
+    for name, (cosine, error, errors) in found.items():
+        assert cosine > 0.999 and error < 0.05 and errors < 1.0, name
+    against = three_skydivers.advised(flights)
+    assert against["best"] == "skilled" and against["other"]["gain"] > 1.5 * against["own"]["gain"]
+    assert "degrees in 2 s" in capsys.readouterr().out
 
 
 def test_the_snippet_of_the_front_page_runs_on_the_flight_that_its_commands_write(tmp_path, monkeypatch):

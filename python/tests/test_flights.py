@@ -64,6 +64,29 @@ def test_a_comparison_is_the_programs(turn, program, tmp_path):
         bodyflight.compare(bodyflight.Flight(turn), bodyflight.Flight(other), align="exit")
 
 
+def test_a_technique_is_the_programs(turn, program, tmp_path):
+    other = tmp_path / "other"
+    bodyflight.synth("rotations", other, seed=7)
+    found = bodyflight.technique(bodyflight.Flight(other), against=[bodyflight.Flight(turn)], between=(1.0, None))
+    times, responses = tmp_path / "times.csv", tmp_path / "responses.csv"
+    printed = program("--json", "technique", other, "--against", turn, "--from", "1", "--out", times, "--csv", responses)
+    assert report(printed) == report(found.report)
+    count = len(found.report["patterns"])
+    written = np.loadtxt(times, delimiter=",", skiprows=1)
+    np.testing.assert_allclose(written, np.column_stack([found.time, found.amplitude]), rtol=0, atol=5.01e-7)
+    assert count > 0 and found.weights.shape == found.told.shape == found.deviation.shape == (count, len(found.joints))
+    shape = (count, len(found.outputs), len(found.frequency))
+    assert found.gain.shape == found.gain_deviation.shape == found.phase.shape == shape
+    written = np.loadtxt(responses, delimiter=",", skiprows=1, usecols=(2, 3, 4, 5)).reshape(*shape, 4)
+    for place, ours in enumerate([found.gain, found.gain_deviation, found.phase]):
+        np.testing.assert_allclose(written[..., place + 1], ours, rtol=1e-5, atol=5.01e-7)
+    with pytest.raises(bodyflight.BadInput, match="joint_error_deg above 0"):
+        bodyflight.technique(bodyflight.Flight(other), joint_error_deg=-1.0)
+    with pytest.warns(bodyflight.DoubtWarning, match="no movement is above"):
+        none = bodyflight.technique(bodyflight.Flight(other), joint_error_deg=30.0)
+    assert none.doubt is not None and none.weights.shape == (0, 45) and none.gain.shape == (0, 5, 0)
+
+
 def test_a_recording_is_read_as_it_was_flown(turn):
     recording = bodyflight.Flight(turn).read()
     frames = len(recording.time)

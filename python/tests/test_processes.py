@@ -103,11 +103,19 @@ def test_flights_persons_and_runs_are_copied_whole(turn, copied, monkeypatch, tm
     assert kept.measured.tobytes() == run.measured.tobytes()
 
 
+@pytest.fixture(scope="module")
+def technique(tmp_path_factory):
+    """Movement patterns of a turn, with their responses."""
+    folder = tmp_path_factory.mktemp("rotations")
+    bodyflight.synth("rotations", folder)
+    return bodyflight.technique(bodyflight.Flight(folder))
+
+
 @pytest.mark.parametrize("copied", [lambda it: pickle.loads(pickle.dumps(it)), copy.deepcopy])
-def test_recordings_estimations_and_comparisons_are_copied_whole(turn, copied, tmp_path):
+def test_recordings_estimations_comparisons_and_techniques_are_copied_whole(turn, technique, copied, tmp_path):
     flight = bodyflight.Flight(turn)
     found = bodyflight.estimate(flight)
-    made = [flight.read(), found, bodyflight.compare(flight, flight)]
+    made = [flight.read(), found, bodyflight.compare(flight, flight), technique]
     for it in made:
         same = copied(it)
         for name in [name for name in dir(it) if not name.startswith("__") and not callable(getattr(it, name))]:

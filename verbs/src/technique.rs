@@ -9,6 +9,7 @@ pub mod agreement;
 pub mod axes;
 pub mod figure;
 pub mod linear;
+mod part;
 pub mod patterns;
 mod recorded;
 pub mod report;
@@ -19,7 +20,7 @@ use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::dynamics::trim::TrimError;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::{FlightFrame, Options, faults};
+use bodyflight_mvnx::recording::{FlightFrame, Options};
 use bodyflight_replay::flight::{DensityChoice, Flight};
 use nalgebra::DVector;
 
@@ -27,36 +28,17 @@ use against::{Expert, TURN, against};
 use agreement::agreement;
 use axes::deviation;
 use bodyflight_core::body::joint_angle::JointAngle;
-use linear::{Linear, OUTPUTS};
+use linear::{Linear, OUTPUTS, Single};
+pub use part::Settings;
+use part::used;
 use patterns::{Component, State, components, floor};
 use report::{Answer, Fall, Pattern, Report, Weight};
 use response::{Response, growth, response};
 
-/// Frames this close (s) to the one before are left out: limbs move slower.
-const SPACING: f64 = 1.0 / 61.0;
-/// Shortest part that is analysed (s), and fewest frames.
-const SHORTEST: f64 = 0.5;
-const FEWEST: usize = 20;
-/// Turn rate that counts as a turn (rad/s), and time around it (s) that belongs to it.
-const TURNING: f64 = 0.5;
-const AROUND: f64 = 1.0;
 /// Angle to belly to earth (rad) up to which a frame counts as such.
 const BELLY: f64 = 0.8;
 /// Share of frames belly to earth, and of the fall rate, below which the response is not that of the recording.
 const LIKE: f64 = 0.5;
-
-/// What to analyse.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Settings {
-    /// From when (s since frame 0).
-    pub from: Option<f64>,
-    /// Until when (s).
-    pub to: Option<f64>,
-    /// Only around turns faster than 0.5 rad/s.
-    pub turns: bool,
-    /// Joint error per axis (rad); otherwise the flight's tolerance of joints.
-    pub joint_error: Option<f64>,
-}
 
 /// A flight analysed, with what figures need.
 #[derive(Debug, Clone)]
@@ -73,13 +55,6 @@ pub struct Technique {
     pub posture: Posture<f64>,
 }
 
-struct Used {
-    frames: Vec<FlightFrame>,
-    duration: f64,
-    /// Why the recording should not be trusted.
-    doubt: Option<String>,
-}
-
 /// Analyses a flight, also against the turn patterns of `experts`.
 ///
 /// # Errors
@@ -88,6 +63,16 @@ pub fn technique(
     flight: &Flight,
     settings: &Settings,
     experts: &[Expert],
+    options: Options,
+) -> Result<Technique> {
+    analysed(flight, settings, Some(experts), options)
+}
+
+/// Analyses a flight; without `experts`, only as far as its own use as an expert needs.
+fn analysed(
+    flight: &Flight,
+    settings: &Settings,
+    experts: Option<&[Expert]>,
     options: Options,
 ) -> Result<Technique> {
     let used = used(flight, settings, options)?;
@@ -111,7 +96,8 @@ pub fn technique(
         .map(|linear| fall(linear, &used.frames));
     let mut doubts: Vec<String> = used.doubt.into_iter().collect();
     doubts.extend(doubts_of(linear.as_ref().err(), fall.as_ref(), &components));
-    let patterns = patterns_of(&axes, &components, linear.as_ref().ok(), &dynamics)?;
+    let judged = experts.is_some();
+    let patterns = patterns_of(&axes, &components, linear.as_ref().ok(), &dynamics, judged)?;
     let recorded = match (&linear, settings.turns) {
         (Ok(linear), false) => recorded::recorded(linear, &used.frames, &rows),
         _ => None,
@@ -120,14 +106,14 @@ pub fn technique(
         doubts.extend(recorded.as_ref().and_then(recorded::doubt));
     }
     let turning = turning(&patterns);
-    let comparison = match (&linear, turning) {
-        (Ok(linear), Some(place)) => {
+    let comparison = match (&linear, turning, experts) {
+        (Ok(linear), Some(place), Some(experts)) => {
             let found = &components[place];
             Some(against(
                 linear,
                 &dynamics,
                 &axes,
-                &found.weights,
+                &found.told,
                 experts,
                 found.rms,
             ))
@@ -175,12 +161,13 @@ fn still(flight: &Flight, height: f64) -> Dynamics<f64> {
     dynamics
 }
 
-/// The patterns above joint errors, with what the body answers.
+/// The patterns above joint errors, with what the body answers; how far that holds only if it is `judged`.
 fn patterns_of(
     axes: &[JointAngle],
     components: &[Component],
     linear: Option<&Linear>,
     dynamics: &Dynamics<f64>,
+    judged: bool,
 ) -> Result<Vec<Pattern>> {
     let named = components
         .iter()
@@ -188,14 +175,25 @@ fn patterns_of(
     let mut patterns = Vec::new();
     for found in named {
         let answer = linear.map(|linear| {
-            let single = linear.of_pattern(&found.weights);
+            let single = linear.of_pattern(&found.told);
+            let errors: Vec<Single> = (0..axes.len())
+                .map(|axis| {
+                    let mut error = DVector::zeros(axes.len());
+                    error[axis] = found.deviations[axis];
+                    linear.of_pattern(&error)
+                })
+                .collect();
             let responses: Vec<Response> = (0..OUTPUTS)
-                .map(|output| response(&single, output))
+                .map(|output| response(&single, output, &errors))
                 .collect();
             Answer {
                 turn_share_radps: found.rms * responses[TURN].gain.abs(),
                 responses,
-                agreement: agreement(linear, dynamics, axes, &found.weights),
+                agreement: if judged {
+                    agreement(linear, dynamics, axes, &found.told)
+                } else {
+                    Vec::new()
+                },
             }
         });
         patterns.push(pattern(axes, found, answer));
@@ -237,14 +235,43 @@ fn doubts_of(
     doubts
 }
 
-/// The turn pattern of an analysed flight, for use as an expert's; `None` if it has none.
-pub fn expert(name: String, technique: &Technique) -> Option<Expert> {
-    let place = turning_place(&technique.report)?;
-    let found = technique.components.get(place)?;
-    Some(Expert {
+/// The turn pattern of a flight, for use as an expert's.
+///
+/// # Errors
+/// Returns an error if a file cannot be used, or the flight has no such pattern.
+pub fn expert(
+    name: String,
+    flight: &Flight,
+    settings: &Settings,
+    options: Options,
+) -> Result<Expert> {
+    let found = analysed(flight, settings, None, options)?;
+    let place = turning_place(&found.report);
+    let component = place.and_then(|place| found.components.get(place));
+    let component = component.ok_or_else(|| {
+        Problem::bad_input(
+            "found no movement pattern that turns the body in this flight of an expert",
+        )
+        .in_file(&flight.recording)
+        .help("leave it out of the flights compared with")
+    })?;
+    Ok(Expert {
         name,
-        weights: found.weights.clone(),
+        weights: component.told.clone(),
     })
+}
+
+/// A joint error given as an option (degrees), in rad.
+///
+/// # Errors
+/// Returns an error that names `option` if it is not above 0 and at most 45.
+pub fn joint_error(option: &str, degrees: Option<f64>) -> Result<Option<f64>> {
+    match degrees {
+        Some(degrees) if !(degrees > 0.0 && degrees <= 45.0) => Err(Problem::bad_input(format!(
+            "expected {option} above 0 and up to 45, found {degrees}"
+        ))),
+        _ => Ok(degrees.map(f64::to_radians)),
+    }
 }
 
 fn turning_place(report: &Report) -> Option<usize> {
@@ -270,6 +297,7 @@ fn pattern(axes: &[JointAngle], found: &Component, answer: Option<Answer>) -> Pa
         .map(|(k, axis)| Weight {
             angle: axis.to_string(),
             weight: found.weights[k],
+            told: found.told[k],
             deviation: found.deviations[k],
         })
         .collect();
@@ -340,66 +368,4 @@ impl Fall {
             )
         })
     }
-}
-
-/// The frames asked for.
-fn used(flight: &Flight, settings: &Settings, options: Options) -> Result<Used> {
-    let bad = |message: String| Problem::bad_input(message).in_file(&flight.recording);
-    if let (Some(from), Some(to)) = (settings.from, settings.to)
-        && from >= to
-    {
-        return Err(Problem::bad_input(format!(
-            "expected --from before --to, found {from} and {to}"
-        )));
-    }
-    let mut all: Vec<FlightFrame> = Vec::new();
-    let mut recording = flight.open(options)?;
-    for frame in recording.by_ref() {
-        let frame = frame?;
-        let within = settings.from.is_none_or(|from| frame.time >= from)
-            && settings.to.is_none_or(|to| frame.time <= to);
-        let spaced = all
-            .last()
-            .is_none_or(|last| frame.time - last.time >= SPACING);
-        if within && spaced {
-            all.push(frame);
-        }
-        if frame.index.is_multiple_of(1024) {
-            interrupt::check()?;
-        }
-    }
-    if settings.turns {
-        let turning: Vec<f64> = all
-            .iter()
-            .filter(|frame| {
-                let spin = frame.pelvis.angular_velocity;
-                spin.is_some_and(|spin| spin.up().abs() > TURNING)
-            })
-            .map(|frame| frame.time)
-            .collect();
-        all.retain(|frame| {
-            let after = turning.partition_point(|time| *time < frame.time - AROUND);
-            turning
-                .get(after)
-                .is_some_and(|time| *time <= frame.time + AROUND)
-        });
-        if all.is_empty() {
-            return Err(bad(format!(
-                "found no turn faster than {TURNING} rad/s; leave out --turns to analyse all frames"
-            )));
-        }
-    }
-    let gaps = all.windows(2).map(|pair| pair[1].time - pair[0].time);
-    let duration: f64 = gaps.filter(|gap| *gap < AROUND).sum();
-    if all.len() < FEWEST || duration < SHORTEST {
-        return Err(bad(format!(
-            "expected at least {SHORTEST} s and {FEWEST} frames to find patterns in, found {duration:.1} s and {} frames",
-            all.len()
-        )));
-    }
-    Ok(Used {
-        frames: all,
-        duration,
-        doubt: faults(&recording.warnings()),
-    })
 }

@@ -7,7 +7,7 @@ use crate::run::{Result, root, run, say, target_folder};
 use crate::tool::tool;
 
 /// Single files of the book.
-const PARTS: [&str; 10] = [
+const PARTS: [&str; 11] = [
     "ARCHITECTURE.md",
     "CHANGELOG.md",
     "CONTRIBUTING.md",
@@ -18,6 +18,7 @@ const PARTS: [&str; 10] = [
     "python/README.md",
     "python/examples/learn_turn.py",
     "python/examples/learn_with_sb3.py",
+    "python/examples/three_skydivers.py",
 ];
 
 /// Folders that are included completely.

@@ -10,7 +10,7 @@ use bodyflight_verbs::output::figure::{Format, write_figure};
 use bodyflight_verbs::technique::against::Expert;
 use bodyflight_verbs::technique::figure::{amplitudes_svg, bode_svg, picture_svg};
 use bodyflight_verbs::technique::report::Report;
-use bodyflight_verbs::technique::{Settings, Technique, expert, technique};
+use bodyflight_verbs::technique::{Settings, Technique, expert, joint_error, technique};
 
 use super::arguments::window;
 use super::outputs::{Outputs, Plot};
@@ -71,7 +71,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         from: args.from,
         to: args.to,
         turns: args.turns,
-        joint_error: joint_error(args.joint_error_deg)?,
+        joint_error: joint_error("--joint-error-deg", args.joint_error_deg)?,
     };
     let options = args.reading.options();
     let others = Settings {
@@ -94,25 +94,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     })
 }
 
-fn joint_error(degrees: Option<f64>) -> Result<Option<f64>> {
-    match degrees {
-        Some(degrees) if !(degrees > 0.0 && degrees <= 45.0) => Err(Problem::bad_input(format!(
-            "expected --joint-error-deg above 0 and up to 45, found {degrees}"
-        ))),
-        _ => Ok(degrees.map(f64::to_radians)),
-    }
-}
-
 fn read_expert(path: &Path, settings: &Settings, options: Options) -> Result<Expert> {
     let flight = Flight::read(path)?;
-    let found = technique(&flight, settings, &[], options)?;
-    expert(name_of(path), &found).ok_or_else(|| {
-        Problem::bad_input(
-            "found no movement pattern that turns the body in this flight of an expert",
-        )
-        .in_file(path)
-        .help("leave it out of --against")
-    })
+    expert(name_of(path), &flight, settings, options)
 }
 
 fn run_flight(
@@ -178,13 +162,25 @@ fn write_amplitudes(path: &Path, found: &Technique) -> Result<()> {
 }
 
 fn write_responses(path: &Path, report: &Report) -> Result<()> {
-    let columns = ["pattern", "output", "frequency_hz", "gain", "phase_rad"];
+    let columns = [
+        "pattern",
+        "output",
+        "frequency_hz",
+        "gain",
+        "gain_deviation",
+        "phase_rad",
+    ];
     let mut file = CsvFile::create(path, &columns)?;
     for (number, pattern) in report.patterns.iter().enumerate() {
         let responses = pattern.answer.iter().flat_map(|answer| &answer.responses);
         for response in responses {
             for point in &response.bode {
-                let numbers = [point.frequency_hz, point.gain, point.phase_rad];
+                let numbers = [
+                    point.frequency_hz,
+                    point.gain,
+                    point.gain_deviation,
+                    point.phase_rad,
+                ];
                 let fields = [(number + 1).to_string(), response.output.to_owned()];
                 let numbers = numbers.map(bodyflight_io::files::number);
                 file.write_fields(fields.into_iter().chain(numbers))?;

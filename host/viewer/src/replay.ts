@@ -55,8 +55,10 @@ class Replay implements Scene {
   private readonly notes: Notes;
   private readonly video: VideoBeside;
   private readonly summary: HTMLElement;
-  /** The first flight with the reader's changes. */
-  private changed: ChangedFlight | null = null;
+  /** Flights with the reader's changes. */
+  private readonly changed = new Map<Flight, ChangedFlight>();
+  /** Sliders of the flights that were shown; they keep their changes while another flight is. */
+  private readonly sliders = new Map<Flight, WhatIf>();
   private readonly whatIf = element("div");
 
   constructor(
@@ -82,7 +84,7 @@ class Replay implements Scene {
     this.notes = new Notes(data, this.video, () => this.player.time, seek);
     this.summary = summary(flights);
     aside.append(chooser(this.specs, this.plots), this.whatIf, this.notes.place, this.summary, provenance(data));
-    this.offerChanges();
+    this.whatIf.append(this.slidersOf(first).place);
 
     const end = Math.max(...flights.map((flight) => flight.end));
     this.player = new Player(footer, first.time[0], end, this);
@@ -126,7 +128,8 @@ class Replay implements Scene {
   show(time: number, pace: number): void {
     const { shown } = this;
     const picture = shown.picture(time);
-    if (this.changed && shown === this.flights[0]) picture.changed = this.changed.at(time);
+    const changed = this.changed.get(shown);
+    if (changed) picture.changed = changed.at(time);
     this.video.follow(time, pace);
     this.stage.draw(picture);
     this.plots.mark(time);
@@ -138,28 +141,33 @@ class Replay implements Scene {
     this.map.mark(picture.simulated.position[0], picture.simulated.position[1]);
   }
 
-  /** Offers changes of the first flight. */
-  private offerChanges(): void {
-    const [flight] = this.flights;
-    const lines = CHANNELS.map((): Line => ({ label: "with changes", ink: "second", dash: [2, 2], values: [] }));
+  /** Offers changes of a flight. */
+  private slidersOf(flight: Flight): WhatIf {
+    const known = this.sliders.get(flight);
+    if (known) return known;
+    const [first] = this.flights;
+    const label = this.flights.length > 1 ? `with changes, ${flight.run.name}` : "with changes";
+    const lines = CHANNELS.map((): Line => ({ label, ink: "second", dash: [2, 2], values: [] }));
     const whatIf = new WhatIf(
       flight,
       () => this.plots.range(),
       (changed) => {
-        const was = this.changed;
-        this.changed = changed;
+        const was = this.changed.has(flight);
+        if (changed) this.changed.set(flight, changed);
+        else this.changed.delete(flight);
         for (const [k, line] of lines.entries()) {
-          line.values = changed ? flight.beside(k, changed.channels[k]) : [];
+          line.values = changed ? alike(flight, flight.beside(k, changed.channels[k]), first) : [];
           const spec = this.specs[k];
           if (changed && !was) spec.lines.splice(2, 0, line);
           if (!changed) spec.lines = spec.lines.filter((other) => other !== line);
         }
-        if (Boolean(was) === Boolean(changed)) this.plots.update();
+        if (was === Boolean(changed)) this.plots.update();
         else this.plots.refresh();
         this.player.show();
       },
     );
-    this.whatIf.replaceWith(whatIf.place);
+    this.sliders.set(flight, whatIf);
+    return whatIf;
   }
 
   /** Draws the tracks of the flight shown, in the picture and on the map. */
@@ -183,6 +191,7 @@ class Replay implements Scene {
     choice.addEventListener("change", () => {
       choice.blur();
       this.shown = this.flights[Number(choice.value)];
+      this.whatIf.replaceChildren(this.slidersOf(this.shown).place);
       this.trail();
       this.player.show();
     });

@@ -143,6 +143,41 @@ test("sliders give what simulate --joint gives", async () => {
   await page.close();
 });
 
+test("sliders act on the flight shown, and each flight keeps its changes", async () => {
+  const [other, both] = [join(folder, "other"), join(folder, "both.html")];
+  await run("synth", "rotations", "--seed", "2", "--out", other);
+  await run("view", flight, other, "--out", both);
+  const { page, wrong } = await open(chromium, `file://${both}`);
+  await page.waitForSelector("html[data-ready=replay]");
+  const said = () => page.textContent("#what-if-said");
+  const names = await page.locator("#run option").allTextContents();
+  const [mine, theirs] = names.map((name) => `with changes, ${name}`);
+  const legend = () => page.textContent("#plot-legend");
+  const told = () =>
+    page.waitForFunction(() => document.querySelector("#what-if-said").textContent.includes("turn rate"));
+  await page.click("#what-if summary");
+  await slide(page, "#what-if-joint-value", "20");
+  await told();
+  const first = await said();
+  assert.ok((await legend()).includes(mine), await legend());
+  await page.selectOption("#run", "1");
+  assert.equal(await said(), "");
+  await page.click("#what-if summary");
+  await slide(page, "#what-if-joint-value", "-15");
+  await told();
+  const report = JSON.parse(await run("--json", "simulate", other, "--joint", "l_shank.bend=-15"));
+  const [, , after] = /turn rate (\S+) → (\S+)/.exec(await said());
+  assert.ok(Math.abs(number(after) + (report.turn_radps.changed * 180) / Math.PI) < 0.11, await said());
+  assert.ok((await legend()).includes(theirs), await legend());
+  await page.selectOption("#run", "0");
+  assert.equal(await said(), first);
+  await page.click("button:text-is('reset changes')");
+  await page.waitForFunction((mine) => !document.querySelector("#plot-legend").textContent.includes(mine), mine);
+  assert.ok((await legend()).includes(theirs), await legend());
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
 test("mass, area and inputs are changed, and the last frame of the flight is reached", async () => {
   const { page, wrong } = await opened();
   await page.click("#what-if summary");

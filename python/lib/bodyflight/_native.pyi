@@ -190,6 +190,48 @@ class Comparison:
     @property
     def report(self) -> dict[str, Any]: ...
 
+class Technique:
+    outputs: ClassVar[list[str]]
+    def __init__(
+        self,
+        time: _Floats,
+        joints: list[str],
+        weights: _Floats,
+        deviation: _Floats,
+        told: _Floats,
+        amplitude: _Floats,
+        frequency: _Floats,
+        gain: _Floats,
+        gain_deviation: _Floats,
+        phase: _Floats,
+        doubt: str | None,
+        report: dict[str, Any],
+    ) -> None: ...
+    @property
+    def time(self) -> _Floats: ...
+    @property
+    def joints(self) -> list[str]: ...
+    @property
+    def weights(self) -> _Floats: ...
+    @property
+    def deviation(self) -> _Floats: ...
+    @property
+    def told(self) -> _Floats: ...
+    @property
+    def amplitude(self) -> _Floats: ...
+    @property
+    def frequency(self) -> _Floats: ...
+    @property
+    def gain(self) -> _Floats: ...
+    @property
+    def gain_deviation(self) -> _Floats: ...
+    @property
+    def phase(self) -> _Floats: ...
+    @property
+    def doubt(self) -> str | None: ...
+    @property
+    def report(self) -> dict[str, Any]: ...
+
 class Skydivers:
     controls: ClassVar[list[str]]
     observed: ClassVar[list[str]]
@@ -403,6 +445,14 @@ def compare(
     names: tuple[str, str] = ("A", "B"),
     progress: _Progress = None,
 ) -> Comparison: ...
+def technique(
+    flight: Flight,
+    *,
+    against: Sequence[Flight] = (),
+    between: tuple[float | None, float | None] = (None, None),
+    turns: bool = False,
+    joint_error_deg: float | None = None,
+) -> Technique: ...
 def export(
     flight: Flight,
     out: _Path,

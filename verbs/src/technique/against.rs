@@ -108,7 +108,7 @@ pub fn against(
     experts: &[Expert],
     step: f64,
 ) -> Against {
-    let turn_of = |weights: &DVector<f64>| response(&linear.of_pattern(weights), TURN);
+    let turn_of = |weights: &DVector<f64>| response(&linear.of_pattern(weights), TURN, &[]);
     // Patterns have no sign of their own: all turn to the left.
     let signed = |weights: &DVector<f64>| {
         let found = turn_of(weights);

@@ -106,9 +106,13 @@ pub fn bode_svg(title: &str, technique: &Technique) -> Result<String> {
 }
 
 fn in_words(found: &Pattern) -> String {
-    let names = found.weights.iter().take(3);
-    let parts: Vec<String> = names
-        .map(|weight| format!("{} {:+.2}", weight.angle, weight.weight))
+    let told = found
+        .weights
+        .iter()
+        .filter(|weight| weight.told.abs() > 0.0);
+    let parts: Vec<String> = told
+        .take(3)
+        .map(|weight| format!("{} {:+.2}", weight.angle, weight.told))
         .collect();
     format!("{:.0} %, {}", 100.0 * found.share, parts.join(", "))
 }
@@ -156,7 +160,7 @@ pub fn picture_svg(title: &str, body: &Body<f64>, technique: &Technique) -> Stri
     let found = technique.report.patterns.iter().zip(&technique.components);
     let mut top = HEAD;
     for (number, (found, component)) in found.enumerate() {
-        let along = pattern(&technique.axes, &component.weights);
+        let along = pattern(&technique.axes, &component.told);
         let size = 2.0 * component.rms;
         let _ = writeln!(
             svg,

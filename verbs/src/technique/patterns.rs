@@ -29,6 +29,11 @@ pub struct Component {
     pub weights: DVector<f64>,
     /// Standard deviation of the weights due to joint errors.
     pub deviations: DVector<f64>,
+    /// The weights above what errors make, of length 1: the movement whose response is computed.
+    ///
+    /// Over a few seconds any sway of another joint happens to go along with the pattern. Its weight is small, but limbs that
+    /// are heavier or faster than those of the pattern would rule the response to quick movements.
+    pub told: DVector<f64>,
     /// Share of the variance.
     pub share: f64,
     /// Root mean square of its amplitude (rad).
@@ -47,6 +52,27 @@ pub fn floor(error: f64, axes: usize, duration: f64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "45 axes")]
     let axes = axes as f64;
     error * (1.0 + (axes / independent(duration)).sqrt())
+}
+
+/// A component with the sign that makes its largest weight positive.
+fn signed(weights: DVector<f64>) -> DVector<f64> {
+    let larger = |most: f64, w: &f64| if w.abs() > most.abs() { *w } else { most };
+    let largest = weights.iter().fold(0.0, larger);
+    if largest < 0.0 { -weights } else { weights }
+}
+
+/// The weights larger than the largest that chance makes of as many, scaled to length 1; all of them if none is.
+fn told(weights: &DVector<f64>, blur: &DVector<f64>) -> DVector<f64> {
+    #[expect(clippy::cast_precision_loss, reason = "45 axes")]
+    let chance = (2.0 * (weights.len() as f64).ln()).sqrt();
+    let above = weights.zip_map(blur, |weight, blur| {
+        if weight.abs() > chance * blur {
+            weight
+        } else {
+            0.0
+        }
+    });
+    above.try_normalize(0.0).unwrap_or_else(|| weights.clone())
 }
 
 /// Number of independent values of a wandering error.
@@ -77,13 +103,7 @@ pub fn components(rows: &[DVector<f64>], duration: f64, error: f64) -> Vec<Compo
     let total: f64 = sizes.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let least = floor(error, axes, duration);
     let component = |(place, column): (usize, &usize)| {
-        let own = eigen.eigenvectors.column(*column);
-        let largest =
-            own.iter().copied().fold(
-                0.0_f64,
-                |most, w| if w.abs() > most.abs() { w } else { most },
-            );
-        let weights = own * if largest < 0.0 { -1.0 } else { 1.0 };
+        let weights = signed(eigen.eigenvectors.column(*column).into_owned());
         let size = sizes[place];
         // First order: errors turn a component towards each of the others.
         let turns = sizes.iter().enumerate().map(|(other, of_other)| {
@@ -94,23 +114,32 @@ pub fn components(rows: &[DVector<f64>], duration: f64, error: f64) -> Vec<Compo
             error * error * (size + of_other + error * error) / (independent(duration) * apart)
         });
         let turns: Vec<f64> = turns.map(|turn| turn.min(1.0)).collect();
-        let deviations = DVector::from_fn(axes, |axis, _| {
-            let parts = order.iter().zip(&turns);
-            parts
-                .map(|(k, turn)| turn * eigen.eigenvectors[(axis, *k)].powi(2))
-                .sum::<f64>()
-                .sqrt()
-        });
         // Turns towards patterns that errors make only blur; those towards a real one exchange the two.
         let real = |other: &usize| sizes[*other].sqrt() > least;
+        let deviations_by = |counts: &dyn Fn(&usize) -> bool| {
+            DVector::from_fn(axes, |axis, _| {
+                let parts = (0..axes).filter(counts);
+                parts
+                    .map(|other| turns[other] * eigen.eigenvectors[(axis, order[other])].powi(2))
+                    .sum::<f64>()
+                    .sqrt()
+            })
+        };
+        let deviations = deviations_by(&|_| true);
         let exchanged = (0..axes)
             .filter(real)
             .map(|other| turns[other])
             .fold(0.0, f64::max);
+        let is_mixed = exchanged.sqrt() > MIXED;
+        let told = if is_mixed {
+            told(&weights, &deviations_by(&|other| !real(other)))
+        } else {
+            told(&weights, &deviations)
+        };
         let rms = size.sqrt();
         let state = if rms <= least {
             State::BelowErrors
-        } else if exchanged.sqrt() > MIXED {
+        } else if is_mixed {
             State::Mixed
         } else {
             State::Named
@@ -119,6 +148,7 @@ pub fn components(rows: &[DVector<f64>], duration: f64, error: f64) -> Vec<Compo
             amplitude: rows.iter().map(|row| (row - &mean).dot(&weights)).collect(),
             weights,
             deviations,
+            told,
             share: size / total,
             rms,
             state,
@@ -158,6 +188,10 @@ mod tests {
         assert_eq!(found[0].state, State::Named);
         assert_eq!(found[1].state, State::Named);
         assert_eq!(found[2].state, State::BelowErrors);
+        // What chance adds to a pattern is left out of the movement whose response is computed.
+        let told = found[0].told.iter().filter(|weight| weight.abs() > 0.0);
+        assert_eq!(told.count(), 2);
+        assert!((found[0].told.norm() - 1.0).abs() < 1e-12);
         let found = components(&rows(0.3, 60), 60.0, error);
         assert_eq!(found[0].state, State::Mixed);
     }

@@ -54,6 +54,7 @@ pub(super) fn recorded(
     let found = Recorded {
         correlation: both / (own * other).sqrt(),
         slope: both / other,
+        slope_of_exact_joints: own / both,
         turn_rms_radps: (own / count).sqrt(),
     };
     (found.correlation.is_finite() && found.slope.is_finite()).then_some(found)

@@ -9,8 +9,6 @@ use super::agreement::Agreement;
 use super::patterns::State;
 use super::response::{HIGHEST_HZ, Response, Root};
 
-/// Weights below this, or below twice their deviation, are left out of the text.
-const SHOWN: f64 = 0.1;
 /// Most weights in the text.
 const MOST: usize = 8;
 
@@ -52,8 +50,10 @@ pub struct Report {
 pub struct Recorded {
     /// Correlation of the two.
     pub correlation: f64,
-    /// Recorded turn rate for the linear one: slope of the best line.
+    /// Recorded turn rate for the linear one: slope of the best line, if all that scatters is in the recorded turn rate.
     pub slope: f64,
+    /// The same if all that scatters is in the recorded joints: their errors turn the linear response, but no body.
+    pub slope_of_exact_joints: f64,
     /// Root mean square of the recorded turn rate about its mean (rad/s).
     pub turn_rms_radps: f64,
 }
@@ -84,6 +84,8 @@ pub struct Weight {
     pub angle: String,
     /// Its change per unit of the pattern.
     pub weight: f64,
+    /// The same without what errors may have made, of length 1: responses are those of this movement. 0 if it is left out.
+    pub told: f64,
     /// Standard deviation of the weight due to joint errors.
     pub deviation: f64,
 }
@@ -149,8 +151,8 @@ impl fmt::Display for Report {
         if let Some(recorded) = &self.recorded {
             writeln!(
                 f,
-                "turn rate recorded against the linear one: correlation {:.2}, slope {:.2}",
-                recorded.correlation, recorded.slope
+                "turn rate recorded against the linear one: correlation {:.2}, slope {:.2}\n(or {:.2} if it is the joints that are recorded wrong)",
+                recorded.correlation, recorded.slope, recorded.slope_of_exact_joints
             )?;
         }
         for (k, pattern) in self.patterns.iter().enumerate() {
@@ -184,10 +186,7 @@ impl Pattern {
             self.rms_rad.to_degrees(),
             self.largest_rad.to_degrees()
         )?;
-        let shown = self
-            .weights
-            .iter()
-            .filter(|weight| weight.weight.abs() > SHOWN.max(2.0 * weight.deviation));
+        let shown = self.weights.iter().filter(|weight| weight.told.abs() > 0.0);
         for weight in shown.take(MOST) {
             writeln!(
                 f,
@@ -198,7 +197,10 @@ impl Pattern {
         let Some(answer) = &self.answer else {
             return Ok(());
         };
-        writeln!(f, "  output              gain per rad   bandwidth, Hz")?;
+        writeln!(
+            f,
+            "  output              gain per rad           bandwidth, Hz"
+        )?;
         for response in &answer.responses {
             let label = match response.output {
                 "turn_rate_radps" => "turn rate, rad/s",
@@ -209,8 +211,9 @@ impl Pattern {
             };
             writeln!(
                 f,
-                "  {label:18} {:+13.3} {:>15}",
+                "  {label:18} {:+13.3} +- {:<6.3} {:>11}",
                 response.gain,
+                response.gain_deviation,
                 bandwidth(response.bandwidth_hz)
             )?;
         }

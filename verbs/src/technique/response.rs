@@ -41,6 +41,8 @@ pub struct Point {
     pub frequency_hz: f64,
     /// Size, unit of the output per rad of the pattern.
     pub gain: f64,
+    /// Standard deviation of the gain, from the errors of the pattern's weights.
+    pub gain_deviation: f64,
     /// Phase (rad), continuous.
     pub phase_rad: f64,
 }
@@ -53,6 +55,8 @@ pub struct Response {
     pub output: &'static str,
     /// Output per rad of the pattern at 0.02 Hz, with the sign of a slow movement.
     pub gain: f64,
+    /// Standard deviation of the gain, from the errors of the pattern's weights.
+    pub gain_deviation: f64,
     /// Lowest frequency (Hz) at which the gain is 3 dB less; null if it is not up to 10 Hz.
     pub bandwidth_hz: Option<f64>,
     /// Poles that this output shows.
@@ -78,8 +82,10 @@ pub fn growth(states: &SMatrix<f64, STATES, STATES>) -> Option<f64> {
 }
 
 /// The response of an output, by its place in [`OUTPUT_NAMES`].
-pub fn response(model: &Single, output: usize) -> Response {
-    let transfer = Transfer::of(model, output);
+///
+/// `errors` are models of what the pattern may be off by, one for each independent error of one standard deviation.
+pub fn response(model: &Single, output: usize, errors: &[Single]) -> Response {
+    let transfer = Transfer { model, output };
     let mut bode: Vec<Point> = Vec::new();
     let mut before = None;
     let span: f64 = HIGHEST_HZ / LOWEST_HZ;
@@ -87,7 +93,7 @@ pub fn response(model: &Single, output: usize) -> Response {
         #[expect(clippy::cast_precision_loss, reason = "a hundred points")]
         let share = k as f64 / (POINTS - 1) as f64;
         let frequency = LOWEST_HZ * span.powf(share);
-        let value = transfer.at(Complex::new(0.0, TAU * frequency));
+        let (value, gain_deviation) = transfer.with(Complex::new(0.0, TAU * frequency), errors);
         let phase = match before {
             None => angle(value),
             Some((last, phase)) => phase + angle(value / last),
@@ -96,10 +102,11 @@ pub fn response(model: &Single, output: usize) -> Response {
         bode.push(Point {
             frequency_hz: frequency,
             gain: size(value),
+            gain_deviation,
             phase_rad: phase,
         });
     }
-    let slow = transfer.at(Complex::new(0.0, TAU * LOWEST_HZ));
+    let (slow, gain_deviation) = transfer.with(Complex::new(0.0, TAU * LOWEST_HZ), errors);
     let gain = if slow.re < 0.0 {
         -size(slow)
     } else {
@@ -109,6 +116,7 @@ pub fn response(model: &Single, output: usize) -> Response {
     Response {
         output: OUTPUT_NAMES[output],
         gain,
+        gain_deviation,
         bandwidth_hz: bandwidth(&transfer, &bode),
         poles,
         zeros,
@@ -117,7 +125,7 @@ pub fn response(model: &Single, output: usize) -> Response {
 }
 
 /// The first frequency at which the gain has fallen by 3 dB, refined by bisection.
-fn bandwidth(transfer: &Transfer, bode: &[Point]) -> Option<f64> {
+fn bandwidth(transfer: &Transfer<'_>, bode: &[Point]) -> Option<f64> {
     let limit = bode.first()?.gain * HALF_POWER;
     let after = bode.iter().position(|point| point.gain < limit)?;
     let mut low = bode.get(after.checked_sub(1)?)?.frequency_hz;
@@ -134,17 +142,47 @@ fn bandwidth(transfer: &Transfer, bode: &[Point]) -> Option<f64> {
 }
 
 /// A transfer function `C (s I - A)^-1 (B0 + s B1) + D0 + s D1`.
-///
-/// It is that of the rate of the pattern times s, and that one is proper: its states are those of `x - B1 a`, and a.
-struct Transfer {
-    states: DMatrix<f64>,
-    input: DVector<f64>,
-    seen: DVector<f64>,
-    direct: f64,
+struct Transfer<'a> {
+    model: &'a Single,
+    output: usize,
 }
 
-impl Transfer {
-    fn of(model: &Single, output: usize) -> Self {
+impl Transfer<'_> {
+    /// The value for an amplitude.
+    fn at(&self, s: Complex<f64>) -> Complex<f64> {
+        self.with(s, &[]).0
+    }
+
+    /// The value, and the standard deviation of its size by independent errors.
+    fn with(&self, s: Complex<f64>, errors: &[Single]) -> (Complex<f64>, f64) {
+        let transposed = self.model.states.transpose();
+        let matrix = SMatrix::<Complex<f64>, STATES, STATES>::from_fn(|row, column| {
+            let own = Complex::from(-transposed[(row, column)]);
+            if row == column { own + s } else { own }
+        });
+        let seen = self.model.seen.row(self.output).transpose();
+        let solved = matrix.lu().solve(&seen.map(Complex::from));
+        let through = solved.unwrap_or_else(|| SVector::repeat(Complex::from(f64::NAN)));
+        let of = |single: &Single| {
+            let [held, moving] = single.input;
+            let inner: Complex<f64> = (0..STATES)
+                .map(|k| through[k] * (s * moving[k] + held[k]))
+                .sum();
+            let [direct, direct_rate] = single.direct.map(|seen| seen[self.output]);
+            inner + s * direct_rate + direct
+        };
+        let value = of(self.model);
+        let towards = value.conj() / size(value);
+        let variance: f64 = errors
+            .iter()
+            .map(|error| (of(error) * towards).re.powi(2))
+            .sum();
+        (value, variance.sqrt())
+    }
+
+    /// The matrices of the same function divided by s, which is proper: `A, B, C, D` with the states `x - B1 a`, and a.
+    fn proper(&self) -> (DMatrix<f64>, DVector<f64>, DVector<f64>, f64) {
+        let (model, output) = (self.model, self.output);
         let order = STATES + 1;
         let [held, moving]: [SVector<f64, STATES>; 2] = model.input;
         let row = model.seen.row(output);
@@ -161,27 +199,7 @@ impl Transfer {
             *to = *from;
         }
         seen[STATES] = model.direct[0][output] + (row * moving).x;
-        Self {
-            states,
-            input,
-            seen,
-            direct: model.direct[1][output],
-        }
-    }
-
-    /// The value for an amplitude.
-    fn at(&self, s: Complex<f64>) -> Complex<f64> {
-        let order = self.input.len();
-        let matrix = DMatrix::from_fn(order, order, |row, column| {
-            let own = Complex::from(-self.states[(row, column)]);
-            if row == column { own + s } else { own }
-        });
-        let input = self.input.map(Complex::from);
-        let solved = matrix.lu().solve(&input);
-        let inner = solved.map_or(Complex::from(f64::NAN), |x| {
-            x.iter().zip(self.seen.iter()).map(|(x, c)| x * *c).sum()
-        });
-        (inner + self.direct) * s
+        (states, input, seen, model.direct[1][output])
     }
 
     /// Poles and finite zeros, without those that cancel.
@@ -189,26 +207,27 @@ impl Transfer {
     /// With `s = shift + 1/w` zeros at infinity come to w = 0, and the direct term is the value at `shift`: so zeros are the
     /// eigenvalues of a matrix however small the direct term is.
     fn roots(&self) -> (Vec<Root>, Vec<Root>) {
-        let mut poles = roots(&self.states);
+        let (states, input, seen, direct) = self.proper();
+        let mut poles = roots(&states);
         // The integrator, which the factor s cancels.
         if let Some(slowest) =
             (0..poles.len()).min_by(|a, b| poles[*a].size().total_cmp(&poles[*b].size()))
         {
             poles.remove(slowest);
         }
-        let order = self.input.len();
+        let order = input.len();
         let shift = 7.3;
-        let shifted = DMatrix::identity(order, order) * shift - &self.states;
+        let shifted = DMatrix::identity(order, order) * shift - &states;
         let Some(inverse) = shifted.try_inverse() else {
             return (poles, Vec::new());
         };
-        let moved = &inverse * &self.input;
-        let direct = self.direct + self.seen.dot(&moved);
-        let row = self.seen.transpose() * &inverse;
+        let moved = &inverse * &input;
+        let direct = direct + seen.dot(&moved);
+        let row = seen.transpose() * &inverse;
         if direct.abs() < f64::MIN_POSITIVE {
             return (poles, Vec::new());
         }
-        let closed = -&inverse + (&inverse * &self.input) * row / direct;
+        let closed = -&inverse + moved * row / direct;
         let zeros = closed.complex_eigenvalues();
         let mut zeros: Vec<Root> = zeros
             .iter()
@@ -283,7 +302,8 @@ mod tests {
 
     #[test]
     fn a_known_transfer_function_has_its_poles_zeros_gain_and_bandwidth() {
-        let found = response(&known(), 0);
+        let half = Single::plain(known().states, known().input[0] * 0.5, known().seen);
+        let found = response(&known(), 0, &[half.clone(), half]);
         let near = |roots: &[Root], values: &[f64]| {
             assert_eq!(roots.len(), values.len(), "{roots:?}");
             for (root, value) in roots.iter().zip(values) {
@@ -297,6 +317,8 @@ mod tests {
             size((s + 2.0) / ((s + 1.0) * (s + 3.0)))
         };
         assert!((found.gain - exact(LOWEST_HZ)).abs() < 1e-9);
+        // Two independent errors of half of the pattern.
+        assert!((found.gain_deviation - found.gain * 0.5_f64.sqrt()).abs() < 1e-9);
         let bandwidth = found.bandwidth_hz.unwrap();
         assert!((exact(bandwidth) - HALF_POWER * exact(LOWEST_HZ)).abs() < 1e-9);
         for point in &found.bode {
