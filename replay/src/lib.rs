@@ -6,6 +6,7 @@ pub mod frames;
 pub mod gnss;
 pub mod input_history;
 pub mod joint_change;
+pub mod live;
 pub mod model_file;
 mod model_run;
 mod motion_history;

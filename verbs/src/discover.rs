@@ -28,7 +28,7 @@ use bodyflight_tracks::folder::is_track;
 /// Returns an error if a file is unusable or has no velocities, or if the recording contradicts itself: an effect would
 /// be named for a fault of the recording.
 pub fn read_track(flight: &Flight, options: Options) -> Result<RecordedFlight> {
-    let frames = flight.open(options)?.trusted(&flight.recording)?;
+    let (frames, _) = flight.open(options)?.trusted(&flight.recording)?;
     let first = frames.first().ok_or_else(|| {
         Problem::bad_input("expected frames of type \"normal\"").in_file(&flight.recording)
     })?;

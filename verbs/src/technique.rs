@@ -19,7 +19,7 @@ use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::dynamics::trim::TrimError;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::{FlightFrame, Options, faults};
+use bodyflight_mvnx::recording::{FlightFrame, Options, Warning, faults};
 use bodyflight_replay::flight::{DensityChoice, Flight};
 use nalgebra::DVector;
 
@@ -76,8 +76,8 @@ pub struct Technique {
 struct Used {
     frames: Vec<FlightFrame>,
     duration: f64,
-    /// Why the recording should not be trusted.
-    doubt: Option<String>,
+    /// What is implausible in the recording.
+    warnings: Vec<Warning>,
 }
 
 /// Analyses a flight, also against the turn patterns of `experts`.
@@ -109,7 +109,7 @@ pub fn technique(
         .as_ref()
         .ok()
         .map(|linear| fall(linear, &used.frames));
-    let mut doubts: Vec<String> = used.doubt.into_iter().collect();
+    let mut doubts: Vec<String> = faults(&used.warnings).into_iter().collect();
     doubts.extend(doubts_of(linear.as_ref().err(), fall.as_ref(), &components));
     let patterns = patterns_of(&axes, &components, linear.as_ref().ok(), &dynamics)?;
     let recorded = match (&linear, settings.turns) {
@@ -152,6 +152,7 @@ pub fn technique(
         recorded,
         against: comparison,
         doubts,
+        warnings: used.warnings,
     };
     let posture = linear.map_or(middle, |linear| linear.posture);
     Ok(Technique {
@@ -400,6 +401,6 @@ fn used(flight: &Flight, settings: &Settings, options: Options) -> Result<Used> 
     Ok(Used {
         frames: all,
         duration,
-        doubt: faults(&recording.warnings()),
+        warnings: recording.warnings(),
     })
 }

@@ -18,11 +18,11 @@ use serde::Serialize;
 
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::{FlightFrame, Options};
+use bodyflight_mvnx::recording::{FlightFrame, Options, Warning};
 use bodyflight_replay::Precision;
 use bodyflight_replay::comparison::{Channel, Comparison, PerChannel};
 use bodyflight_replay::flight::Flight;
-use bodyflight_replay::steps::{Replay, too_short};
+use bodyflight_replay::steps::{DIVERGED_HELP, Divergence, Replay, too_short};
 use bodyflight_replay::subject::CommonCoefficients;
 
 /// Gap (rad/s, m/s, m/s) that counts as 1 in each channel: the paper's own accuracy, section "Model Validation in
@@ -121,6 +121,17 @@ pub struct Report {
     pub draws: usize,
     /// Whether Ctrl-C ended the search: the best is that of the draws so far, and was not checked on held-out flights.
     pub interrupted: bool,
+    /// Reasons not to trust the best.
+    pub doubts: Vec<String>,
+    /// What is implausible in the recordings, none of which contradicts itself.
+    pub warnings: Vec<String>,
+}
+
+impl Report {
+    /// Why the best should not be trusted, in a sentence.
+    pub fn doubt(&self) -> Option<String> {
+        (!self.doubts.is_empty()).then(|| self.doubts.join("; "))
+    }
 }
 
 /// A flight that was not used in the search.
@@ -137,6 +148,26 @@ pub struct HeldOut {
     pub score_before: f64,
     /// Score with the best.
     pub score_after: f64,
+    /// Why the score with the best means nothing, if the simulation diverges.
+    pub diverged: Option<String>,
+}
+
+impl HeldOut {
+    /// Why the best should not be trusted, if this flight says so.
+    fn doubt(&self) -> Option<String> {
+        let [before, after] = [self.score_before, self.score_after];
+        match &self.diverged {
+            Some(diverged) => Some(format!(
+                "on {}, which was held out, {diverged}",
+                self.recording
+            )),
+            None if after > before => Some(format!(
+                "on {}, which was held out, the gap grows from {before:.3} to {after:.3}: the coefficients fit only the flights used",
+                self.recording
+            )),
+            None => None,
+        }
+    }
 }
 
 /// A flight in memory, since a search simulates it hundreds of times.
@@ -144,11 +175,19 @@ struct Loaded<'a> {
     flight: &'a Flight,
     dynamics: Dynamics<f64>,
     frames: Vec<FlightFrame>,
+    warnings: Vec<Warning>,
+}
+
+/// A simulation with a set of coefficients.
+struct Flown {
+    comparison: Comparison,
+    /// Why it means nothing, if it diverges.
+    diverged: Option<String>,
 }
 
 impl<'a> Loaded<'a> {
     fn read(flight: &'a Flight, options: Options) -> Result<Self> {
-        let frames = flight.open(options)?.trusted(&flight.recording)?;
+        let (frames, warnings) = flight.open(options)?.trusted(&flight.recording)?;
         let [first, _, ..] = frames.as_slice() else {
             return Err(too_short(&flight.recording));
         };
@@ -157,11 +196,19 @@ impl<'a> Loaded<'a> {
             flight,
             dynamics,
             frames,
+            warnings,
         })
     }
 
+    /// What is implausible in the recording, with its name.
+    fn said(&self) -> impl Iterator<Item = String> {
+        let name = self.flight.recording.display();
+        let warnings = self.warnings.iter();
+        warnings.map(move |warning| format!("{name}: {warning}"))
+    }
+
     /// Simulates the postures with other coefficients.
-    fn fly(&self, candidate: &Candidate) -> Result<Comparison> {
+    fn fly(&self, candidate: &Candidate) -> Result<Flown> {
         let mut dynamics = self.dynamics;
         let guess = self.flight.subject.common_coefficients();
         for (segment, own) in dynamics.aerodynamics.coefficients.iter_mut() {
@@ -171,13 +218,31 @@ impl<'a> Loaded<'a> {
         flight.subject.set_damping(candidate.common.damp.into());
         let frames = self.frames.iter().copied().map(Ok);
         let mut comparison = Comparison::default();
-        for step in Replay::with_dynamics(&flight, frames, Precision::Double, |_| dynamics)? {
+        let replay = Replay::with_dynamics(&flight, frames, Precision::Double, |_| dynamics)?;
+        let mut replay = replay.on_divergence(Divergence::Held);
+        for step in replay.by_ref() {
             comparison.push(step?.pair);
             if comparison.count().is_multiple_of(1024) {
                 interrupt::check()?;
             }
         }
-        Ok(comparison)
+        Ok(Flown {
+            comparison,
+            diverged: replay.diverged(),
+        })
+    }
+
+    /// The same for coefficients from which a search starts.
+    fn fly_guess(&self, guess: &Candidate) -> Result<Comparison> {
+        let flown = self.fly(guess)?;
+        match flown.diverged {
+            None => Ok(flown.comparison),
+            Some(doubt) => Err(Problem::doubt(format!(
+                "with the subject's own coefficients {doubt}"
+            ))
+            .in_file(&self.flight.recording)
+            .help(DIVERGED_HELP)),
+        }
     }
 }
 
@@ -203,7 +268,13 @@ pub fn tune(
     let (used, held_out) = (load(flights, options)?, load(held_out, options)?);
     let guess = first.subject.common_coefficients();
     let start = Candidate::plain(guess);
-    let score_before = total_score(&used, &start)?;
+    // Without a guess that flies, nothing is searched.
+    let before = |flights: &[Loaded<'_>]| -> Result<Vec<Comparison>> {
+        let flown = flights.iter().map(|flight| flight.fly_guess(&start));
+        flown.collect()
+    };
+    let (before, before_held_out) = (before(&used)?, before(&held_out)?);
+    let score_before = total(before.iter().map(score));
     let (mut score_after, mut best) = (score_before, start);
     let mut random = ChaCha8Rng::seed_from_u64(search.seed);
     let mut spread = search.spread;
@@ -223,7 +294,6 @@ pub fn tune(
                 }
                 flown.fetch_add(1, Ordering::Relaxed);
                 progress();
-                // A draw that diverges has lost.
                 Some((score.unwrap_or(f64::INFINITY), index, *candidate))
             })
             .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -240,17 +310,21 @@ pub fn tune(
     }
     let checked: Result<Vec<HeldOut>> = held_out
         .iter()
-        .map(|flight| check(flight, &start, &best))
+        .zip(&before_held_out)
+        .map(|(flight, before)| check(flight, before, &best))
         .collect();
     let interrupted = interrupt::requested();
-    let held_out = if interrupted { Vec::new() } else { checked? };
+    let checked = if interrupted { Vec::new() } else { checked? };
+    let warnings = used.iter().chain(&held_out).flat_map(Loaded::said);
     Ok(Report {
+        warnings: warnings.collect(),
+        doubts: checked.iter().filter_map(HeldOut::doubt).collect(),
         guess,
         best: best.common,
         segments: differing(first, &best),
         score_before,
         score_after,
-        held_out,
+        held_out: checked,
         draws,
         interrupted,
     })
@@ -287,14 +361,16 @@ fn differing(flight: &Flight, best: &Candidate) -> Vec<SegmentBest> {
         .collect()
 }
 
-fn check(flight: &Loaded<'_>, guess: &Candidate, best: &Candidate) -> Result<HeldOut> {
-    let (before, after) = (flight.fly(guess)?, flight.fly(best)?);
+fn check(flight: &Loaded<'_>, before: &Comparison, best: &Candidate) -> Result<HeldOut> {
+    let flown = flight.fly(best)?;
+    let after = flown.comparison;
     Ok(HeldOut {
         recording: flight.flight.recording.display().to_string(),
         rms_before: before.rms(),
         rms_after: after.rms(),
-        score_before: score(&before),
+        score_before: score(before),
         score_after: score(&after),
+        diverged: flown.diverged,
     })
 }
 
@@ -353,15 +429,24 @@ fn draw(
         .collect()
 }
 
-/// Root mean square of the flights' scores.
+/// The score of a draw over all flights. One that diverges on any has lost.
 fn total_score(flights: &[Loaded<'_>], candidate: &Candidate) -> Result<f64> {
-    let mut sum = 0.0;
-    for flight in flights {
-        sum += score(&flight.fly(candidate)?).powi(2);
-    }
+    let scores = flights.iter().map(|flight| {
+        let flown = flight.fly(candidate)?;
+        Ok(if flown.diverged.is_some() {
+            f64::INFINITY
+        } else {
+            score(&flown.comparison)
+        })
+    });
+    Ok(total(scores.collect::<Result<Vec<f64>>>()?.into_iter()))
+}
+
+/// Root mean square of the flights' scores.
+fn total(scores: impl ExactSizeIterator<Item = f64>) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "only a few flights")]
-    let count = flights.len().max(1) as f64;
-    Ok((sum / count).sqrt())
+    let count = scores.len().max(1) as f64;
+    (scores.map(|score| score * score).sum::<f64>() / count).sqrt()
 }
 
 /// Gap in linear and angular velocity relative to the paper's accuracy, root mean square over channels.

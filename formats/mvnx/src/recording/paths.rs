@@ -30,6 +30,12 @@ const SELDOM: u64 = 30;
 const VELOCITY_JUMPS: f64 = 5.0;
 const ACCELERATION: f64 = 300.0;
 const USUAL: f64 = 8.0;
+/// Jumps of the velocity that a single wrong frame makes, twice.
+const GLITCHES: u64 = 4;
+/// Mean distance between displacement and velocity in one frame (m) beyond which positions are mostly noise, and the longest
+/// frame for which it is judged (s).
+const SCATTERS: f64 = 0.1;
+const FRAME: f64 = 0.02;
 /// Time over which displacements are compared with velocities (s): long enough to average their noise, and short enough
 /// for the path to be straight.
 const STRETCH: f64 = 0.1;
@@ -81,9 +87,13 @@ pub(super) struct Paths {
     /// Time (s) and size (m) of the first jump of the pelvis that its velocity does not explain, and their number.
     jump: Option<(f64, f64)>,
     jumps: u64,
-    /// Time (s) and size (m/s) of the largest change of velocity in one frame, and the sum of their squares.
+    /// Sum of the distances between displacement and velocity in short frames (m), and their number.
+    scatter: f64,
+    short_frames: u64,
+    /// Time (s) and size (m/s) of the largest change of velocity in one frame, the sum of all, and how many jump.
     largest_change: (f64, f64),
     changes: f64,
+    velocity_jumps: u64,
     stretch: Option<Piece>,
     /// Whether velocities come from another sensor than positions.
     is_coarse: bool,
@@ -106,12 +116,18 @@ impl Paths {
     ) {
         let by_velocity = 0.5 * (before + velocity) * duration;
         self.frames += 1;
-        if (moved - by_velocity).norm() > JUMPS {
+        let apart = (moved - by_velocity).norm();
+        if duration < FRAME {
+            self.scatter += apart;
+            self.short_frames += 1;
+        }
+        if apart > JUMPS {
             self.jumps += 1;
             self.jump.get_or_insert((time, moved.norm()));
         }
         let change = (velocity - before).norm();
-        self.changes += change * change;
+        self.changes += change;
+        self.velocity_jumps += u64::from(change > VELOCITY_JUMPS.max(ACCELERATION * duration));
         if change > self.largest_change.1.max(ACCELERATION * duration) {
             self.largest_change = (time, change);
         }
@@ -187,16 +203,18 @@ impl Paths {
         is_clear.then(|| self.ways.scale())
     }
 
-    /// A velocity that jumps, and when (s): a glitch, if the path agrees otherwise.
-    pub(super) fn velocity_jump(&self) -> Option<(String, f64)> {
+    /// A velocity that jumps, when (s), and whether it does so often: once is a glitch, if the path agrees otherwise.
+    pub(super) fn velocity_jump(&self) -> Option<(String, f64, bool)> {
         let (time, change) = self.largest_change;
         #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
-        let usual = (self.changes / self.frames.max(1) as f64).sqrt();
+        let usual = self.changes / self.frames.max(1) as f64;
         let jumps = change > VELOCITY_JUMPS.max(USUAL * usual) && !self.is_coarse;
         jumps.then(|| {
-            let message =
-                format!("the velocity jumps by {change:.1} m/s in one frame at {time:.3} s");
-            (message, time)
+            let message = format!(
+                "the velocity jumps by {change:.1} m/s in one frame at {time:.3} s, {} times in all",
+                self.velocity_jumps
+            );
+            (message, time, self.velocity_jumps > GLITCHES)
         })
     }
 
@@ -241,6 +259,12 @@ impl Paths {
         }
         if self.is_coarse {
             return None;
+        }
+        let scatter = self.scatter / self.short_frames.max(1) as f64;
+        if scatter > SCATTERS && self.short_frames > LEAST_FRAMES {
+            return whole(format!(
+                "positions scatter by {scatter:.2} m from frame to frame against the velocities; expected less than {SCATTERS} m"
+            ));
         }
         if let Some(scale) = (self.scale()).filter(|scale| (scale - 1.0).abs() > APART_FAR) {
             return whole(format!(
