@@ -17,7 +17,7 @@ pub mod recorded;
 pub mod start;
 pub mod steps;
 pub mod subject;
-mod support;
+pub mod support;
 mod tolerances;
 
 pub use precision::Precision;

@@ -7,8 +7,8 @@ use nalgebra::Vector3;
 /// Length of the pieces that are judged (s).
 const PIECE: f64 = 0.5;
 /// Acceleration by something else than gravity, over the square of the airspeed (1/m), that a body's own drag does not
-/// reach: a skydiver has 0.003 to 0.006, a wingsuit at its slowest 0.015, a canopy 0.04 and more.
-const DRAG: f64 = 0.025;
+/// reach: a skydiver has 0.003 to 0.006, a slow wingsuit 0.012, a canopy 0.03 and more.
+const DRAG: f64 = 0.014;
 /// The same below which a body falls as if there were no air, the airspeed from which on it is judged (m/s), and the least
 /// time (s). The fastest speed skydivers have 0.0004.
 const NO_DRAG: f64 = 0.0002;
@@ -64,7 +64,7 @@ impl Piece {
 
 /// Time with and without support.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Support {
+pub struct Support {
     air: Vector3<f64>,
     piece: Option<Piece>,
     judged: f64,
@@ -87,14 +87,16 @@ pub(crate) struct Support {
 
 impl Support {
     /// Air that moves at this velocity (m/s, inertial).
-    pub(crate) fn in_air(velocity: [f64; 3]) -> Self {
+    #[must_use]
+    pub fn in_air(velocity: [f64; 3]) -> Self {
         Self {
             air: velocity.into(),
             ..Self::default()
         }
     }
 
-    pub(crate) fn see(&mut self, frame: &FlightFrame) {
+    /// Takes the next frame.
+    pub fn see(&mut self, frame: &FlightFrame) {
         let Some(velocity) = frame.pelvis.velocity else {
             return;
         };
@@ -144,7 +146,7 @@ impl Support {
     }
 
     /// Contradictions if the recording is not that of a fall.
-    pub(crate) fn warnings(&self) -> Vec<Warning> {
+    pub fn warnings(&self) -> Vec<Warning> {
         let all = [self.carries(), self.pulls(), self.falls_freely()];
         all.into_iter().flatten().collect()
     }

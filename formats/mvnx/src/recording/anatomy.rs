@@ -6,6 +6,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::plausibility::SAME;
 use super::warning::Warning;
+use crate::xsens::xsens_from_segment;
 
 /// Share of the frames in which a posture is impossible that proves it wrong, and the fewest such frames.
 const SHARE: f64 = 0.5;
@@ -98,6 +99,14 @@ const LEFT: [Segment; 4] = [
     Segment::LeftShank,
 ];
 
+/// The attitude of a segment against the pelvis in MVN's axes, in which a copied one is the same.
+fn as_recorded(
+    turned: &SegmentArray<UnitQuaternion<f64>>,
+    segment: Segment,
+) -> UnitQuaternion<f64> {
+    turned[segment] * xsens_from_segment(segment).quaternion().inverse()
+}
+
 /// What has been seen of the postures.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Anatomy {
@@ -130,8 +139,8 @@ impl Anatomy {
             // Two segments at rest may well be parallel.
             let moves = (last.as_ref()).is_some_and(|last| differs(&last[left], &turned[left]));
             self.moving[place] += u64::from(moves);
-            self.copied[place] +=
-                u64::from(moves && !differs(&turned[left], &turned[left.mirrored()]));
+            let [own, other] = [left, left.mirrored()].map(|own| as_recorded(turned, own));
+            self.copied[place] += u64::from(moves && !differs(&own, &other));
         }
     }
 

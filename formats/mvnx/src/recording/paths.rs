@@ -36,6 +36,8 @@ const GLITCHES: u64 = 4;
 /// frame for which it is judged (s).
 const SCATTERS: f64 = 0.1;
 const FRAME: f64 = 0.02;
+/// Mean change of velocity in such a frame (m/s) beyond which velocities are mostly noise.
+const VELOCITY_SCATTERS: f64 = 5.0;
 /// Time over which displacements are compared with velocities (s): long enough to average their noise, and short enough
 /// for the path to be straight.
 const STRETCH: f64 = 0.1;
@@ -90,6 +92,7 @@ pub(super) struct Paths {
     /// Sum of the distances between displacement and velocity in short frames (m), and their number.
     scatter: f64,
     short_frames: u64,
+    short_changes: f64,
     /// Time (s) and size (m/s) of the largest change of velocity in one frame, the sum of all, and how many jump.
     largest_change: (f64, f64),
     changes: f64,
@@ -117,15 +120,16 @@ impl Paths {
         let by_velocity = 0.5 * (before + velocity) * duration;
         self.frames += 1;
         let apart = (moved - by_velocity).norm();
+        let change = (velocity - before).norm();
         if duration < FRAME {
             self.scatter += apart;
+            self.short_changes += change;
             self.short_frames += 1;
         }
         if apart > JUMPS {
             self.jumps += 1;
             self.jump.get_or_insert((time, moved.norm()));
         }
-        let change = (velocity - before).norm();
         self.changes += change;
         self.velocity_jumps += u64::from(change > VELOCITY_JUMPS.max(ACCELERATION * duration));
         if change > self.largest_change.1.max(ACCELERATION * duration) {
@@ -218,6 +222,27 @@ impl Paths {
         })
     }
 
+    /// Positions or velocities that are mostly noise, in a sentence.
+    fn scatters(&self) -> Option<String> {
+        if self.short_frames < LEAST_FRAMES {
+            return None;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+        let count = self.short_frames as f64;
+        let (scatter, change) = (self.scatter / count, self.short_changes / count);
+        if scatter > SCATTERS {
+            Some(format!(
+                "positions scatter by {scatter:.2} m from frame to frame against the velocities; expected less than {SCATTERS} m"
+            ))
+        } else if change > VELOCITY_SCATTERS {
+            Some(format!(
+                "velocities scatter by {change:.1} m/s from frame to frame; expected less than {VELOCITY_SCATTERS} m/s"
+            ))
+        } else {
+            None
+        }
+    }
+
     /// What contradicts, with the time it concerns (s) if that is not the whole recording.
     pub(super) fn contradiction(&self) -> Option<(String, Option<[f64; 2]>)> {
         let [by_positions, by_velocities] = self.lengths;
@@ -260,11 +285,8 @@ impl Paths {
         if self.is_coarse {
             return None;
         }
-        let scatter = self.scatter / self.short_frames.max(1) as f64;
-        if scatter > SCATTERS && self.short_frames > LEAST_FRAMES {
-            return whole(format!(
-                "positions scatter by {scatter:.2} m from frame to frame against the velocities; expected less than {SCATTERS} m"
-            ));
+        if let Some(message) = self.scatters() {
+            return whole(message);
         }
         if let Some(scale) = (self.scale()).filter(|scale| (scale - 1.0).abs() > APART_FAR) {
             return whole(format!(
