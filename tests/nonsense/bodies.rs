@@ -164,7 +164,7 @@ pub(super) const BODIES: [Kind; 27] = [
     }),
     frames("rates 20 % high", |_, _, f| scale(&mut f.rate, 1.2)),
     frames("rates noisy by 10 rad/s", |index, _, f| {
-        f.rate[0] += Vector3::from_fn(|axis, _| 10.0 * noise(index, axis));
+        f.rate[0] += Vector3::from_fn(|axis, _| 10.0 * noise(index * index % 997, axis));
     }),
     frames("positions noisy by 0.3 m", |index, _, f| {
         let shake = Vector3::from_fn(|axis, _| 0.3 * noise(index, axis));

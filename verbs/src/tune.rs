@@ -4,6 +4,8 @@
 //! smallest gap in linear and angular velocity is kept and checked on flights that were not used; a search per segment
 //! does this in rounds. The same seed gives the same answer on any number of cores.
 
+mod report;
+
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bodyflight_core::Segment;
@@ -14,16 +16,16 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
-use serde::Serialize;
 
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
 use bodyflight_mvnx::recording::{FlightFrame, Options, Warning};
 use bodyflight_replay::Precision;
-use bodyflight_replay::comparison::{Channel, Comparison, PerChannel};
+use bodyflight_replay::comparison::{Channel, Comparison};
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::steps::{DIVERGED_HELP, Divergence, Replay, too_short};
 use bodyflight_replay::subject::CommonCoefficients;
+pub use report::{HeldOut, Report, SegmentBest};
 
 /// Gap (rad/s, m/s, m/s) that counts as 1 in each channel: the paper's own accuracy, section "Model Validation in
 /// Experiments". A smaller scale gives its channel more weight in the search.
@@ -83,89 +85,6 @@ impl Candidate {
             drag: own.drag * drag * ratio(self.common.cd, guess.cd),
             lift: own.lift * lift * ratio(self.common.cl, guess.cl),
             moment: own.moment * moment * ratio(self.common.cm, guess.cm),
-        }
-    }
-}
-
-/// Coefficients of one segment.
-#[derive(Debug, Clone, Copy, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct SegmentBest {
-    /// Name of the segment.
-    pub segment: &'static str,
-    /// Drag.
-    pub cd: f64,
-    /// Lift, the force across the airflow.
-    pub cl: f64,
-    /// Moment.
-    pub cm: f64,
-}
-
-/// The result of a search.
-#[derive(Debug, Clone, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Report {
-    /// Initial coefficients.
-    pub guess: CommonCoefficients,
-    /// The best draw.
-    pub best: CommonCoefficients,
-    /// Coefficients of segments that differ from the common ones: from a search per segment, or the subject's, scaled.
-    pub segments: Vec<SegmentBest>,
-    /// Gap of the guess on the flights used, in units of the paper's accuracy.
-    pub score_before: f64,
-    /// Gap of the best draw, in the same units.
-    pub score_after: f64,
-    /// Flights that were not used.
-    pub held_out: Vec<HeldOut>,
-    /// Number of draws simulated.
-    pub draws: usize,
-    /// Whether Ctrl-C ended the search: the best is that of the draws so far, and was not checked on held-out flights.
-    pub interrupted: bool,
-    /// Reasons not to trust the best.
-    pub doubts: Vec<String>,
-    /// What is implausible in the recordings, none of which contradicts itself.
-    pub warnings: Vec<String>,
-}
-
-impl Report {
-    /// Why the best should not be trusted, in a sentence.
-    pub fn doubt(&self) -> Option<String> {
-        (!self.doubts.is_empty()).then(|| self.doubts.join("; "))
-    }
-}
-
-/// A flight that was not used in the search.
-#[derive(Debug, Clone, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct HeldOut {
-    /// The recording.
-    pub recording: String,
-    /// Gap with the guess.
-    pub rms_before: PerChannel,
-    /// Gap with the best.
-    pub rms_after: PerChannel,
-    /// Score with the guess.
-    pub score_before: f64,
-    /// Score with the best.
-    pub score_after: f64,
-    /// Why the score with the best means nothing, if the simulation diverges.
-    pub diverged: Option<String>,
-}
-
-impl HeldOut {
-    /// Why the best should not be trusted, if this flight says so.
-    fn doubt(&self) -> Option<String> {
-        let [before, after] = [self.score_before, self.score_after];
-        match &self.diverged {
-            Some(diverged) => Some(format!(
-                "on {}, which was held out, {diverged}",
-                self.recording
-            )),
-            None if after > before => Some(format!(
-                "on {}, which was held out, the gap grows from {before:.3} to {after:.3}: the coefficients fit only the flights used",
-                self.recording
-            )),
-            None => None,
         }
     }
 }

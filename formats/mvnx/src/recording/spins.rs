@@ -10,9 +10,9 @@ const PARTED: f64 = 0.4;
 const PARTED_SHARE: f64 = 0.15;
 /// Time over which single differences are averaged (s), the fewest such times, and the mean difference of the two (rad/s) that
 /// is mostly noise.
-const BRIEF: f64 = 0.04;
-const LEAST: u32 = 50;
-const SCATTERS: f64 = 2.0;
+const BRIEF: f64 = 0.1;
+const LEAST: u32 = 20;
+const SCATTERS: f64 = 1.5;
 /// Rotation in one frame about an axis (rad) above which the last digit of a file does not explain it, and the share of such
 /// frames with an angular velocity of exactly zero about that axis that is no chance.
 const TURNS: f64 = 2e-5;
@@ -176,7 +176,7 @@ mod tests {
             "{said}"
         );
         let noise =
-            seen(|_, index, rate| rate + Vector3::y() * if index % 16 < 8 { 4.0 } else { -4.0 });
+            seen(|_, index, rate| rate + Vector3::y() * if index % 40 < 20 { 4.0 } else { -4.0 });
         assert_eq!(noise.parted(), None);
         assert!(noise.scatters().is_some());
     }
