@@ -53,7 +53,7 @@ fn sinks(index: usize, frame: &mut Frame, speed: f64) {
     frame.velocity.iter_mut().for_each(|v| v.z -= speed);
 }
 
-pub(super) const BODIES: [Kind; 27] = [
+pub(super) const BODIES: [Kind; 28] = [
     frames("signs of quaternions at random", |index, _, f| {
         for (segment, q) in f.orientation.iter_mut().enumerate() {
             if noise(index, segment) > 0.0 {
@@ -173,6 +173,9 @@ pub(super) const BODIES: [Kind; 27] = [
     frames("velocities noisy by 10 m/s", |index, _, f| {
         let shake = Vector3::from_fn(|axis, _| 10.0 * noise(index, axis));
         f.velocity.iter_mut().for_each(|v| *v += shake);
+    }),
+    frames("horizontal velocities empty", |_, _, f| {
+        f.velocity.iter_mut().for_each(|v| (v.x, v.y) = (0.0, 0.0));
     }),
     frames("one velocity in fifty empty", |index, _, f| {
         if index % 50 == 3 {

@@ -10,7 +10,7 @@ use crate::xsens::xsens_from_segment;
 
 /// Share of the frames in which a posture is impossible that proves it wrong, and the fewest such frames.
 const SHARE: f64 = 0.5;
-const LEAST: u64 = 10;
+const LEAST: u64 = 3;
 /// Angle (rad) by which no knee is bent forwards.
 const KNEE: f64 = 0.2;
 /// Cosine of a rotation against the parent that neck, trunk, ankle and wrist do not reach.

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::agreement::{Agreement, NONE};
+use super::agreement::{Agreement, NONE, Zeros};
 
 /// Fewest frames that are judged.
 const LEAST_FRAMES: u64 = 10;
@@ -93,6 +93,7 @@ pub(super) struct Paths {
     scatter: f64,
     short_frames: u64,
     short_changes: f64,
+    zeros: Zeros,
     /// Time (s) and size (m/s) of the largest change of velocity in one frame, the sum of all, and how many jump.
     largest_change: (f64, f64),
     changes: f64,
@@ -103,6 +104,7 @@ pub(super) struct Paths {
     piece: Option<Piece>,
     parted: Option<Parted>,
     pieces_parted: u64,
+    last: f64,
     /// Largest speed over such a time, as slow as positions and velocities allow (m/s).
     fastest: f64,
 }
@@ -119,6 +121,8 @@ impl Paths {
     ) {
         let by_velocity = 0.5 * (before + velocity) * duration;
         self.frames += 1;
+        self.last = time;
+        self.zeros.see(time, moved, velocity);
         let apart = (moved - by_velocity).norm();
         let change = (velocity - before).norm();
         if duration < FRAME {
@@ -293,7 +297,15 @@ impl Paths {
                 "the velocities are {scale:.3} times those of the positions: the frame rate, or the scale of one of them, is wrong"
             ));
         }
-        let Parted { span, apart } = self.parted?;
+        let Some(Parted { span, apart }) = self.parted else {
+            let (empty, moving, first) = self.zeros.found()?;
+            return Some((
+                format!(
+                    "the velocity is exactly zero along an axis in {empty} of {moving} frames that move along it, first at {first:.3} s: it is missing there"
+                ),
+                Some([first, self.last]),
+            ));
+        };
         Some((
             format!(
                 "positions and velocities part by up to {apart:.1} m within a second, {} times from {:.3} to {:.3} s: axes of one of them are exchanged or turned, or one of them is wrong there",

@@ -3,6 +3,8 @@
 
 use nalgebra::Vector3;
 
+use super::agreement::Zeros;
+
 /// Time over which the two may part (s), and the rotation that noise and slow errors of rates do not explain: an angle (rad)
 /// and a share of the way.
 const PIECE: f64 = 1.0;
@@ -13,11 +15,6 @@ const PARTED_SHARE: f64 = 0.15;
 const BRIEF: f64 = 0.1;
 const LEAST: u32 = 20;
 const SCATTERS: f64 = 1.5;
-/// Rotation in one frame about an axis (rad) above which the last digit of a file does not explain it, and the share of such
-/// frames with an angular velocity of exactly zero about that axis that is no chance.
-const TURNS: f64 = 2e-5;
-const EMPTY: f64 = 0.02;
-const LEAST_EMPTY: u32 = 10;
 
 /// Rotation since a time (s): by attitudes, by angular velocities, and the longer of both ways (rad).
 #[derive(Debug, Clone, Copy)]
@@ -39,10 +36,7 @@ pub(super) struct Spins {
     brief: Option<(f64, Vector3<f64>)>,
     briefs: u32,
     scatter: f64,
-    /// Frames that turn about each axis, those among them without an angular velocity about it, and the time of the first (s).
-    turning: [u32; 3],
-    empty: [u32; 3],
-    first_empty: Option<f64>,
+    zeros: Zeros,
 }
 
 impl Spins {
@@ -65,13 +59,7 @@ impl Spins {
             self.scatter += apart.norm() / (time - *begin);
             self.brief = None;
         }
-        for axis in (0..3).filter(|axis| turn[*axis].abs() > TURNS) {
-            self.turning[axis] += 1;
-            if now[axis] == 0.0 {
-                self.empty[axis] += 1;
-                self.first_empty.get_or_insert(time);
-            }
-        }
+        self.zeros.see(time, turn, now);
         let piece = self.piece.get_or_insert_with(|| Piece {
             begin: time - duration,
             by_attitudes: Vector3::zeros(),
@@ -116,10 +104,7 @@ impl Spins {
 
     /// Angular velocities that are exactly zero although the body turns, in a sentence, with the time of the first (s).
     pub(super) fn empty(&self) -> Option<(String, f64)> {
-        let counts = self.empty.into_iter().zip(self.turning);
-        let (empty, turning) = counts.max_by_key(|(empty, _)| *empty)?;
-        let is_no_chance = empty > LEAST_EMPTY && f64::from(empty) > EMPTY * f64::from(turning);
-        let first = self.first_empty.filter(|_| is_no_chance)?;
+        let (empty, turning, first) = self.zeros.found()?;
         let message = format!(
             "the angular velocity of the pelvis is exactly zero about an axis in {empty} of {turning} frames that turn about it, first at {first:.3} s: it is missing there"
         );

@@ -49,9 +49,11 @@ const DEGREES: core::ops::Range<f64> = 40.0..75.0;
 /// Relative difference of two angular velocities that are the same except for noise: beyond it, unit or rate differ.
 const RATES_APART: f64 = 0.3;
 
-/// Correlation of two angular velocities that are the same but for rounding, and their largest relative difference then.
+/// Correlation of two angular velocities that are the same but for rounding, their largest relative difference then, and the
+/// angular velocity (rad/s) from which on it is a jump that would outweigh all else.
 const EVEN: f64 = 0.995;
 const EVEN_APART: f64 = 0.05;
+const JUMPS: f64 = 20.0;
 
 /// What is said if velocities and angular velocities are both opposite to the motion. The two explanations give the same
 /// numbers: gravity does not tell the direction of time.
@@ -84,6 +86,8 @@ pub(super) struct Watch {
     largest_gap: Option<(u64, f64)>,
     /// Angular velocity in global axes, and as if it were in segment axes.
     global: Agreement,
+    /// The same without jumps.
+    even: Agreement,
     of_segment: Agreement,
     turn: Option<Turn>,
     turns: u64,
@@ -199,6 +203,9 @@ impl Watch {
                 let turned: UnitQuaternion<f64> = to * turn.from.inverse();
                 let expected = turned.scaled_axis() / time;
                 self.global.add(&expected, &(turn.global / time));
+                if expected.norm() < JUMPS {
+                    self.even.add(&expected, &(turn.global / time));
+                }
                 self.of_segment.add(&expected, &(turn.of_segment / time));
                 self.turns += 1;
                 self.turn = None;
@@ -345,7 +352,9 @@ impl Watch {
     fn rates(&self) -> Option<(u64, String)> {
         let (frame, fastest) = self.fastest.filter(|_| self.is_turning())?;
         let (scale, correlation) = (self.global.scale(), self.global.correlation());
-        let is_near = if correlation > EVEN {
+        let is_even = self.even.correlation() > EVEN;
+        let scale = if is_even { self.even.scale() } else { scale };
+        let is_near = if is_even {
             (scale - 1.0).abs() < EVEN_APART
         } else if correlation > ALIKE {
             (scale - 1.0).abs() < RATES_APART
