@@ -60,7 +60,7 @@ pub(crate) fn sweep(
                     row
                 })
             })
-            .collect::<Result<Vec<_>, _>>()?;
+            .collect::<Result<Vec<_>, Problem>>()?;
         Ok((found, doubt))
     })?;
     let diverged = found.iter().filter(|row| row[0].is_nan()).count();
