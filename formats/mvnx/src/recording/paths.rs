@@ -289,15 +289,15 @@ impl Paths {
         if self.is_coarse {
             return None;
         }
-        if let Some(message) = self.scatters() {
-            return whole(message);
-        }
         if let Some(scale) = (self.scale()).filter(|scale| (scale - 1.0).abs() > APART_FAR) {
             return whole(format!(
                 "the velocities are {scale:.3} times those of the positions: the frame rate, or the scale of one of them, is wrong"
             ));
         }
         let Some(Parted { span, apart }) = self.parted else {
+            if let Some(message) = self.scatters() {
+                return whole(message);
+            }
             let (empty, moving, first) = self.zeros.found()?;
             return Some((
                 format!(

@@ -22,6 +22,8 @@ const STIFF_FOR: f64 = 0.5;
 const WITHIN: f64 = 1e-3;
 /// Shortest recording without any rotation that is no recording of attitudes (s).
 const RIGID_FOR: f64 = 2.0;
+/// Path that tells such a recording from one of a body at rest (m).
+const RIGID_PATH: f64 = 10.0;
 /// Largest distance between the two sides of a joint (m).
 pub(super) const JOINT_LIMIT: f64 = 0.05;
 
@@ -30,7 +32,7 @@ pub(super) const JOINT_LIMIT: f64 = 0.05;
 struct Run {
     first: (u64, f64),
     last: f64,
-    /// Largest value in it.
+    /// Largest value in it; of a body that never turns, the path (m).
     largest: f64,
 }
 
@@ -117,7 +119,10 @@ impl Plausibility {
         if let Some((before, changes)) = before {
             self.compare(before, frame, changes);
             self.has_turned |= changes.values().any(|change| *change >= SAME);
-            self.rigid.get_or_insert_with(|| Run::new(before)).last = frame.time;
+            let rigid = self.rigid.get_or_insert_with(|| Run::new(before));
+            rigid.last = frame.time;
+            let moved = frame.pelvis.position.components - before.pelvis.position.components;
+            rigid.largest += moved.norm();
             self.move_joints(before, frame);
         }
     }
@@ -227,9 +232,9 @@ impl Plausibility {
             );
             fault(segment, run, message)
         });
-        let rigid = self
-            .rigid
-            .filter(|run| !self.has_turned && run.length() >= RIGID_FOR);
+        let rigid = self.rigid.filter(|run| {
+            !self.has_turned && run.length() >= RIGID_FOR && run.largest > RIGID_PATH
+        });
         let rigid = rigid.map(|run| {
             let message = format!(
                 "no segment turns at all from {:.3} to {:.3} s: the attitudes are not recorded",
