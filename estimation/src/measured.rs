@@ -11,7 +11,7 @@ use bodyflight_falls::statistics::{
 use nalgebra::Vector3;
 
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_mvnx::recording::{FlightFrame, Options, faults};
+use bodyflight_mvnx::recording::{FlightFrame, Options, Warning};
 use bodyflight_replay::flight::Flight;
 
 /// The measurements of a flight.
@@ -23,8 +23,8 @@ pub struct MeasuredFlight {
     pub frames: Vec<FlightFrame>,
     /// Sample rate (Hz).
     pub rate: f64,
-    /// How the recording contradicts itself, if it does.
-    pub faults: Option<String>,
+    /// What is implausible in the recording.
+    pub warnings: Vec<Warning>,
 }
 
 /// Share of the preset's noise above which a recording's noise is believed. Below it, the recording has been smoothed,
@@ -51,7 +51,7 @@ impl MeasuredFlight {
             samples: samples.collect::<Result<_>>()?,
             frames,
             rate,
-            faults: faults(&recording.warnings()),
+            warnings: recording.warnings(),
         })
     }
 

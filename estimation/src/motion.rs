@@ -132,7 +132,7 @@ pub fn estimate(
             _ => JointErrorSource::Seen,
         });
     }
-    estimation.report.doubt_recording(measured.faults.clone());
+    estimation.report.warn(measured.warnings.clone());
     Ok(estimation)
 }
 

@@ -89,6 +89,7 @@ impl Replayed<'_> {
                 joint_error_source: Some(JointErrorSource::Given),
                 doubt: verdict::sentence(&worse, &consistency),
                 is_recording_doubtful: false,
+                warnings: Vec::new(),
                 consistency: Some(consistency),
             },
             points,

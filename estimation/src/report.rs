@@ -6,6 +6,7 @@ use bodyflight_core::estimator::status::{Faults, Health};
 use serde::Serialize;
 
 use crate::verdict::Consistencies;
+use bodyflight_mvnx::recording::{Warning, faults};
 use bodyflight_replay::comparison::PerChannel;
 use bodyflight_replay::input_history::InputRow;
 
@@ -86,6 +87,8 @@ pub struct Report {
     /// Whether the reason is the recording itself, whatever the model.
     #[serde(skip)]
     pub is_recording_doubtful: bool,
+    /// What is implausible in the recording.
+    pub warnings: Vec<Warning>,
 }
 
 /// Where the error of the recorded joints comes from.
@@ -113,8 +116,11 @@ impl JointErrorSource {
 }
 
 impl Report {
-    /// Doubts the estimate because of faults of the recording, if there are any, rather than for another reason.
-    pub(crate) fn doubt_recording(&mut self, faults: Option<String>) {
+    /// Adds what is implausible in the recording, and doubts the estimate because of its faults, if there are any, rather than
+    /// for another reason.
+    pub(crate) fn warn(&mut self, warnings: Vec<Warning>) {
+        let faults = faults(&warnings);
+        self.warnings = warnings;
         if faults.is_some() {
             (self.doubt, self.is_recording_doubtful) = (faults, true);
         }

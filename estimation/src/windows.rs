@@ -18,7 +18,7 @@ use bodyflight_core::estimator::{Estimator, inputs_of};
 use bodyflight_core::observation::Observation;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::{Options, faults};
+use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::comparison::{Channel, Comparison, Pair};
 use bodyflight_replay::flight::Flight;
@@ -101,8 +101,7 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
         }
     }
     let mut estimation = collected.finish(end - start.time, filter.delay().to_f64());
-    let faults = faults(&replay.frames().warnings());
-    estimation.report.doubt_recording(faults);
+    estimation.report.warn(replay.frames().warnings());
     Ok(estimation)
 }
 
@@ -220,6 +219,7 @@ impl Collected {
             report: Report {
                 doubt: verdict::sentence(&worse, &consistency),
                 is_recording_doubtful: false,
+                warnings: Vec::new(),
                 rms,
                 rms_constant,
                 rms_free_run: None,

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bodyflight_io::diagnostic::Problem;
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::FlightFrame;
+use bodyflight_mvnx::recording::{FlightFrame, faults};
 use bodyflight_replay::comparison::{Channel, Comparison};
 use bodyflight_replay::steps::{Divergence, Replay};
 use bodyflight_verbs as verbs;
@@ -17,12 +17,12 @@ use crate::arguments::array;
 use crate::arrays::rows;
 use crate::flight::Flight;
 use crate::long::{Report, long};
-use crate::problem::{dictionary, raise};
+use crate::problem::{dictionary, raise, warn_of_doubt};
 
 /// Simulates a flight once for each row of `factors` on all cores; m by 3: factors on the drag, lift and moment coefficients.
 ///
-/// Returns the root mean square of measured minus simulated, m by 7 in the order of `Run.channels`. A run that diverges is
-/// compared in its last plausible motion. The recording is read only once. `progress` is called with the share of the runs done.
+/// Returns the root mean square of measured minus simulated, m by 7 in the order of `Run.channels`; the row of a run that
+/// diverges is NaN. Runs that diverge and a recording that cannot be trusted are warned of. The recording is read only once. `progress` is called with the share of the runs done.
 #[pyfunction]
 #[pyo3(signature = (flight, factors, *, start = "smoothed", progress = None))]
 pub(crate) fn sweep(
@@ -34,10 +34,12 @@ pub(crate) fn sweep(
 ) -> PyResult<Py<PyArray2<f64>>> {
     let factors = three_columns(factors)?;
     let of_start = flight.starting(start)?;
-    let found = long(py, progress, |progress| {
-        let frames: Vec<FlightFrame> = of_start.open(flight.options)?.collect::<Result<_, _>>()?;
+    let (found, doubt) = long(py, progress, |progress| {
+        let mut recording = of_start.open(flight.options)?;
+        let frames: Vec<FlightFrame> = recording.by_ref().collect::<Result<_, _>>()?;
+        let doubt = faults(&recording.warnings());
         let counted = Counted::of(factors.len(), progress);
-        factors
+        let found = factors
             .par_iter()
             .map(|factors| {
                 interrupt::check()?;
@@ -45,16 +47,32 @@ pub(crate) fn sweep(
                 varied.subject = varied.subject.with_coefficients_times(*factors);
                 let frames = frames.iter().copied().map(Ok);
                 let mut comparison = Comparison::default();
-                let replay = Replay::new(&varied, frames)?;
-                for step in replay.on_divergence(Divergence::Held) {
+                let mut replay = Replay::new(&varied, frames)?.on_divergence(Divergence::Held);
+                for step in replay.by_ref() {
                     comparison.push(step?.pair);
                 }
                 let rms = comparison.rms();
                 counted.one_more();
-                Ok(Channel::ALL.map(|channel| rms.get(channel)))
+                let row = Channel::ALL.map(|channel| rms.get(channel));
+                Ok(if replay.diverged().is_some() {
+                    row.map(|_| f64::NAN)
+                } else {
+                    row
+                })
             })
-            .collect::<Result<Vec<_>, _>>()
+            .collect::<Result<Vec<_>, Problem>>()?;
+        Ok((found, doubt))
     })?;
+    let diverged = found.iter().filter(|row| row[0].is_nan()).count();
+    let diverged = (diverged > 0).then(|| {
+        format!(
+            "{diverged} of {} runs diverge: their rows are NaN",
+            found.len()
+        )
+    });
+    for sentence in [doubt, diverged] {
+        warn_of_doubt(py, sentence.as_deref())?;
+    }
     rows(py, found)
 }
 
@@ -134,5 +152,6 @@ pub(crate) fn tune(
             counted.one_more()
         })
     })?;
+    warn_of_doubt(py, report.doubt().as_deref())?;
     dictionary(py, &report)
 }

@@ -119,18 +119,20 @@ impl Frames {
         self.recording.warnings()
     }
 
-    /// All frames of a recording that is trusted: whatever is fitted to one that is not means nothing.
+    /// All frames of a recording that is trusted, and what is said about it all the same: whatever is fitted to one that is
+    /// not means nothing.
     ///
     /// # Errors
     /// Returns an error if the recording cannot be read, or contradicts itself or the files about it.
-    pub fn trusted(mut self, path: &Path) -> Result<Vec<FlightFrame>> {
+    pub fn trusted(mut self, path: &Path) -> Result<(Vec<FlightFrame>, Vec<Warning>)> {
         let frames = self.by_ref().collect::<Result<Vec<_>>>()?;
-        match faults(&self.warnings()) {
+        let warnings = self.warnings();
+        match faults(&warnings) {
             Some(doubt) => Err(Problem::doubt(format!(
                 "nothing is fitted to this flight: {doubt}"
             ))
             .in_file(path)),
-            None => Ok(frames),
+            None => Ok((frames, warnings)),
         }
     }
 

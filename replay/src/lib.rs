@@ -6,6 +6,7 @@ pub mod frames;
 pub mod gnss;
 pub mod input_history;
 pub mod joint_change;
+pub mod live;
 pub mod model_file;
 mod model_run;
 mod motion_history;
@@ -16,7 +17,7 @@ pub mod recorded;
 pub mod start;
 pub mod steps;
 pub mod subject;
-mod support;
+pub mod support;
 mod tolerances;
 
 pub use precision::Precision;

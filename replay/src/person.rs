@@ -28,13 +28,27 @@ fn limbs(header: &Header, body: &Body<f64>) -> Option<f64> {
     (recorded > 0.0 && modelled > 0.0).then(|| recorded / modelled)
 }
 
-/// Body mass index with equipment (kg/m2) outside of which a mass is probably in another unit.
+/// Body mass index with equipment (kg/m2) outside of which nobody jumps: a mass is in another unit, or another person's.
 const INDICES: core::ops::Range<f64> = 14.0..48.0;
 /// Ratio of stature and thigh.
 const STATURE: f64 = 4.21;
 
+/// Why nobody has the mass of a body with its equipment, judged by its limbs.
+pub fn unlikely(body: &Body<f64>) -> Option<String> {
+    let stature = STATURE * body.segments[Segment::LeftThigh].length;
+    let index = body.mass() / (stature * stature);
+    (!INDICES.contains(&index)).then(|| {
+        format!(
+            "the subject has {:.0} kg with equipment at about {stature:.2} m, a body mass index of {index:.0}; expected {} to {}: is the mass in kg?",
+            body.mass(),
+            INDICES.start,
+            INDICES.end
+        )
+    })
+}
+
 /// What is implausible about a person: limbs of other lengths than in the recording, which contradicts only if the body is
-/// `stated` rather than assumed, and a mass that does not go with them.
+/// `stated` rather than assumed, and a mass that nobody of that size has.
 pub fn compared(header: &Header, body: &Body<f64>, stated: bool) -> Vec<Warning> {
     let remark = |message: String, is_fault: bool| Warning {
         frame: 0,
@@ -54,16 +68,7 @@ pub fn compared(header: &Header, body: &Body<f64>, stated: bool) -> Vec<Warning>
             format!("the limbs of the recorded person are {ratio:.2} times as long as {whose}");
         remark(message, stated)
     });
-    let stature = STATURE * body.segments[Segment::LeftThigh].length;
-    let index = body.mass() / (stature * stature);
-    let unlikely = (stated && !INDICES.contains(&index)).then(|| {
-        let message = format!(
-            "the subject has {:.0} kg with equipment at about {stature:.2} m, a body mass index of {index:.0}; expected {} to {}: is the mass in kg?",
-            body.mass(),
-            INDICES.start,
-            INDICES.end
-        );
-        remark(message, false)
-    });
+    let unlikely = unlikely(body).filter(|_| stated);
+    let unlikely = unlikely.map(|message| remark(message, true));
     other.into_iter().chain(unlikely).collect()
 }

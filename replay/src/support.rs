@@ -6,10 +6,16 @@ use nalgebra::Vector3;
 
 /// Length of the pieces that are judged (s).
 const PIECE: f64 = 0.5;
-/// Speed through the air below which drag is less than a thirtieth of the weight (m/s).
-const SPEED: f64 = 8.0;
-/// Speed against the air along the vertical (m/s) below which a body that moves fast does not fall, under a wingsuit neither.
-const SINKS: f64 = 4.0;
+/// Acceleration by something else than gravity, over the square of the airspeed (1/m), that a body's own drag does not
+/// reach: a skydiver has 0.003 to 0.006, a slow wingsuit 0.012, a canopy 0.03 and more.
+const DRAG: f64 = 0.014;
+/// The same below which a body falls as if there were no air, the airspeed from which on it is judged (m/s), and the least
+/// time (s). The fastest speed skydivers have 0.0004.
+const NO_DRAG: f64 = 0.0002;
+const FAST: f64 = 40.0;
+const LEAST_FAST: f64 = 2.0;
+/// Share of the airspeed along the vertical below which a body that moves fast does not fall: nobody glides so flat.
+const SINKS: f64 = 0.2;
 /// Share of gravity that no body exceeds downwards on average over a piece, and the fewest such pieces.
 const PULLED: f64 = 1.5;
 const LEAST_PULLED: u32 = 2;
@@ -19,16 +25,59 @@ const FALLS: f64 = 0.5;
 const SHARE: f64 = 0.3;
 const LEAST: f64 = 1.0;
 
+/// Velocities of a piece (m/s), summed over either half, whose means are less noisy than single frames.
+#[derive(Debug, Clone, Copy)]
+struct Piece {
+    begin: f64,
+    last: f64,
+    halves: [(f64, Vector3<f64>, f64); 2],
+}
+
+impl Piece {
+    fn new(begin: f64) -> Self {
+        Self {
+            begin,
+            last: begin,
+            halves: [(0.0, Vector3::zeros(), 0.0); 2],
+        }
+    }
+
+    fn add(&mut self, time: f64, velocity: &Vector3<f64>) {
+        let half = &mut self.halves[usize::from(time - self.begin >= 0.5 * PIECE)];
+        half.0 += 1.0;
+        half.1 += velocity;
+        half.2 += time - self.begin;
+        self.last = time;
+    }
+
+    /// Mean velocity (m/s) and acceleration (m/s2); `None` if a half has no frames.
+    fn motion(&self) -> Option<(Vector3<f64>, Vector3<f64>)> {
+        let [first, second] = self.halves;
+        if first.0 < 1.0 || second.0 < 1.0 {
+            return None;
+        }
+        let [(before, early), (after, late)] =
+            [first, second].map(|(count, sum, times)| (sum / count, times / count));
+        Some((0.5 * (before + after), (after - before) / (late - early)))
+    }
+}
+
 /// Time with and without support.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Support {
+pub struct Support {
     air: Vector3<f64>,
-    begin: Option<(f64, Vector3<f64>)>,
+    piece: Option<Piece>,
     judged: f64,
     carried: f64,
-    /// Part of that time in which it moves fast, and the largest speed (m/s).
+    /// Part of that time in which it travels faster than what carries it there by drag, and the largest speed (m/s).
     level: f64,
     fastest: f64,
+    /// Time at high airspeed (s), when, and sums of decelerations along it, gravity excepted, and of its squares.
+    fast: f64,
+    first_fast: Option<(u64, f64)>,
+    last_fast: f64,
+    slowed: f64,
+    squares: f64,
     /// Pieces in which it falls faster than gravity lets it, and the first: index, time (s) and acceleration (m/s2).
     pulled: u32,
     first_pulled: Option<(u64, f64, f64)>,
@@ -38,39 +87,56 @@ pub(crate) struct Support {
 
 impl Support {
     /// Air that moves at this velocity (m/s, inertial).
-    pub(crate) fn in_air(velocity: [f64; 3]) -> Self {
+    #[must_use]
+    pub fn in_air(velocity: [f64; 3]) -> Self {
         Self {
             air: velocity.into(),
             ..Self::default()
         }
     }
 
-    pub(crate) fn see(&mut self, frame: &FlightFrame) {
+    /// Takes the next frame.
+    pub fn see(&mut self, frame: &FlightFrame) {
         let Some(velocity) = frame.pelvis.velocity else {
             return;
         };
-        let now = velocity.components;
-        let (begin, before) = *self.begin.get_or_insert((frame.time, now));
-        let duration = frame.time - begin;
+        let piece = self.piece.get_or_insert_with(|| Piece::new(frame.time));
+        // A gap ends a piece that cannot be judged.
+        if frame.time - piece.last > PIECE {
+            *piece = Piece::new(frame.time);
+        }
+        piece.add(frame.time, &velocity.components);
+        let (begin, duration) = (piece.begin, frame.time - piece.begin);
         if duration < PIECE {
             return;
         }
-        self.begin = Some((frame.time, now));
-        if duration > 2.0 * PIECE {
+        let motion = piece.motion();
+        *piece = Piece::new(frame.time);
+        let Some((velocity, acceleration)) = motion else {
             return;
-        }
-        let flow = 0.5 * (before + now) - self.air;
-        let falls_with = (before.z - now.z) / duration;
+        };
+        let flow = velocity - self.air;
+        let falls_with = -acceleration.z;
         if falls_with > PULLED * STANDARD_GRAVITY {
             self.pulled += 1;
             let here = (frame.index, begin, falls_with);
             self.first_pulled.get_or_insert(here);
         }
         self.judged += duration;
-        let is_slow = flow.norm() < SPEED;
-        if falls_with < FALLS * STANDARD_GRAVITY && (is_slow || -flow.z < SINKS) {
+        let lift = STANDARD_GRAVITY - falls_with;
+        let is_held = lift > DRAG * flow.norm_squared();
+        if flow.norm() > FAST {
+            self.fast += duration;
+            self.first_fast.get_or_insert((frame.index, begin));
+            self.last_fast = frame.time;
+            let pushed = acceleration + Vector3::z() * STANDARD_GRAVITY;
+            self.slowed -= pushed.dot(&flow) / flow.norm();
+            self.squares += flow.norm_squared();
+        }
+        let is_level = -flow.z < SINKS * flow.norm();
+        if falls_with < FALLS * STANDARD_GRAVITY && (is_held || is_level) {
             self.carried += duration;
-            if !is_slow {
+            if !is_held {
                 self.level += duration;
                 self.fastest = self.fastest.max(flow.norm());
             }
@@ -80,8 +146,24 @@ impl Support {
     }
 
     /// Contradictions if the recording is not that of a fall.
-    pub(crate) fn warnings(&self) -> Vec<Warning> {
-        self.carries().into_iter().chain(self.pulls()).collect()
+    pub fn warnings(&self) -> Vec<Warning> {
+        let all = [self.carries(), self.pulls(), self.falls_freely()];
+        all.into_iter().flatten().collect()
+    }
+
+    fn falls_freely(&self) -> Option<Warning> {
+        let is_free = self.fast >= LEAST_FAST && self.slowed < NO_DRAG * self.squares;
+        let (frame, _) = self.first_fast.filter(|_| is_free)?;
+        Some(Warning {
+            frame,
+            message: format!(
+                "for {:.1} s the body falls faster than {FAST} m/s as if there were no air: the path is computed and not measured, or the frame rate is wrong",
+                self.fast
+            ),
+            segment: None,
+            span_s: self.first_fast.map(|(_, begin)| [begin, self.last_fast]),
+            is_fault: true,
+        })
     }
 
     fn pulls(&self) -> Option<Warning> {
@@ -109,8 +191,8 @@ impl Support {
             )
         } else {
             format!(
-                "for {percent:.0} % of the time something carries the body, which neither falls nor meets an airflow of \
-                 {SPEED} m/s: it is on the ground, in an aircraft, or in a wind tunnel whose air [air] velocity does not state"
+                "for {percent:.0} % of the time something carries the body, which does not fall freely and meets too little air to be \
+                 held by it: it is on the ground, in an aircraft, under a canopy, or in a wind tunnel whose air [air] velocity does not state"
             )
         };
         (percent > 100.0 * SHARE && self.carried >= LEAST).then_some(Warning {

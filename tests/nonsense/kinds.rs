@@ -21,7 +21,7 @@ fn exchange<T>(of: &mut [T], first: usize, second: usize) {
 }
 
 /// Small noise that differs from number to number.
-fn noise(frame: usize, place: usize) -> f64 {
+pub(super) fn noise(frame: usize, place: usize) -> f64 {
     ((frame * 7919 + place * 104_729) as f64 * 0.618).sin()
 }
 

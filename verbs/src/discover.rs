@@ -29,7 +29,7 @@ use bodyflight_tracks::folder::is_track;
 /// Returns an error if a file is unusable or has no velocities, or if the recording contradicts itself: an effect would
 /// be named for a fault of the recording.
 pub fn read_track(flight: &Flight, options: Options) -> Result<RecordedFlight> {
-    let frames = flight.open(options)?.trusted(&flight.recording)?;
+    let (frames, _) = flight.open(options)?.trusted(&flight.recording)?;
     let first = frames.first().ok_or_else(|| {
         Problem::bad_input("expected frames of type \"normal\"").in_file(&flight.recording)
     })?;
@@ -153,7 +153,7 @@ pub fn discover_flights(
     let (fitted_tracks, held_out) = tracks.split_at(fitted.len());
     let mut report = discover(fitted_tracks, held_out, &settings, progress).map_err(problem)?;
     if let (Some(flight), false) = (fitted.first(), report.effects.is_empty()) {
-        let frames = flight.open(options(0))?.trusted(&flight.recording)?;
+        let (frames, _) = flight.open(options(0))?.trusted(&flight.recording)?;
         report.changes = in_words::changes(&report, flight, &frames)?;
     }
     Ok(report)

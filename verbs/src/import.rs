@@ -5,7 +5,7 @@ mod print;
 use std::path::{Path, PathBuf};
 
 use bodyflight_core::frame::Vector;
-use bodyflight_core::{Body, Posture, Segment};
+use bodyflight_core::{Body, Segment};
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -36,8 +36,6 @@ pub const FILES: &[&str] = &[
     RECORDING_FILE,
     PICTURE_FILE,
 ];
-/// If the knees are bent the wrong way by more than this (rad) in more than half of the frames, the mapping is wrong.
-const KNEE: f64 = 0.2;
 /// Relative difference allowed between the thigh lengths of source and subject.
 const THIGH: f64 = 0.15;
 /// Lowest frame rate that can follow a body in flight (Hz).
@@ -182,7 +180,7 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
     std::fs::create_dir_all(request.folder)
         .map_err(|error| Problem::system("create", request.folder, error))?;
     let body = request.subject.body();
-    let (knees, drawn) = write_recording(request, &mut source, &body, has_places, progress)?;
+    let drawn = write_recording(request, &mut source, &body, has_places, progress)?;
     // The same checks as in any other verb.
     let recording = request.folder.join(RECORDING_FILE);
     let seen = match seen(request, &recording, &body) {
@@ -203,7 +201,7 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
         write_file(&picture, drawing.as_bytes())?;
     }
     let flight = write_flight(request)?;
-    let (mut warnings, mut doubts) = warnings(request, &source, &knees, has_places);
+    let (mut warnings, mut doubts) = warnings(request, &source, has_places);
     warnings.extend(seen.warnings.iter().map(ToString::to_string));
     doubts.extend(seen.faults());
     let last = source.timing.indices.last().copied().unwrap_or(0);
@@ -232,14 +230,14 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
     })
 }
 
-/// Writes the frames, and returns what their knees do and a drawing of the first.
+/// Writes the frames, and returns a drawing of the first.
 fn write_recording(
     request: &Request<'_>,
     source: &mut Source,
     body: &Body<f64>,
     has_places: bool,
     progress: &mut dyn FnMut(f64),
-) -> Result<(Knees, Option<String>)> {
+) -> Result<Option<String>> {
     let name = request
         .file
         .file_name()
@@ -253,11 +251,9 @@ fn write_recording(
         origin: Origin::Imported { has_places },
     };
     let mut writer = Writer::create(&request.folder.join(RECORDING_FILE), description, body)?;
-    let mut knees = Knees::default();
     let mut drawn = None;
     for place in 0..source.frames() {
         let frame = flight_frame(source, place).map_err(|problem| problem.in_file(request.file))?;
-        knees.see(&frame.posture);
         drawn.get_or_insert_with(|| {
             let attitude = frame.pelvis.inertial_from_body;
             limbs::svg(&name, body, &frame.posture, attitude)
@@ -269,7 +265,7 @@ fn write_recording(
         }
     }
     writer.finish()?;
-    Ok((knees, drawn))
+    Ok(drawn)
 }
 
 /// What the flight shows that was written.
@@ -340,43 +336,15 @@ fn flight_frame(source: &mut Source, place: usize) -> Result<FlightFrame> {
     })
 }
 
-/// Counts frames in which a knee is bent the wrong way.
-#[derive(Debug, Default)]
-struct Knees {
-    frames: u64,
-    wrong: u64,
-}
-
-impl Knees {
-    fn see(&mut self, posture: &Posture<f64>) {
-        let is_wrong = |shank: Segment| {
-            let down = posture.parent_from_segment(shank) * -Vector3::z();
-            // The heel goes backwards, which is dorsal.
-            down.y < -KNEE.sin()
-        };
-        self.frames += 1;
-        self.wrong += u64::from(is_wrong(Segment::LeftShank) || is_wrong(Segment::RightShank));
-    }
-}
-
 /// Remarks about the source, and those among them that contradict it.
 fn warnings(
     request: &Request<'_>,
     source: &Source,
-    knees: &Knees,
     has_places: bool,
 ) -> (Vec<String>, Vec<String>) {
     let mut warnings = source.warnings.clone();
     let mut doubts: Vec<String> = source.slips.iter().map(ToString::to_string).collect();
     warnings.extend(doubts.iter().cloned());
-    if 2 * knees.wrong > knees.frames {
-        let said = format!(
-            "the knees are bent forwards in {} of {} frames: an axis or a sign of the mapping is wrong; look at {PICTURE_FILE}",
-            knees.wrong, knees.frames
-        );
-        warnings.push(said.clone());
-        doubts.push(said);
-    }
     if !has_places {
         warnings.push(
             "the source has no positions, so the recording has no velocity; add a receiver's track for it: \

@@ -186,6 +186,7 @@ fn run(experiment: &Experiment, folder: &Path) -> Result<Outcome> {
         constant: by_paper.report.rms_constant,
         paper_filter: by_paper.report.rms,
         motion_filter: by_motion.report.rms,
+        doubt: by_motion.report.doubt,
         matched_amplitude,
         matched,
         tunnel: flown.tunnel,

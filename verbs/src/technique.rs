@@ -20,7 +20,7 @@ use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::dynamics::trim::TrimError;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::{FlightFrame, Options};
+use bodyflight_mvnx::recording::{FlightFrame, Options, faults};
 use bodyflight_replay::flight::{DensityChoice, Flight};
 use nalgebra::DVector;
 
@@ -94,7 +94,7 @@ fn analysed(
         .as_ref()
         .ok()
         .map(|linear| fall(linear, &used.frames));
-    let mut doubts: Vec<String> = used.doubt.into_iter().collect();
+    let mut doubts: Vec<String> = faults(&used.warnings).into_iter().collect();
     doubts.extend(doubts_of(linear.as_ref().err(), fall.as_ref(), &components));
     let judged = experts.is_some();
     let patterns = patterns_of(&axes, &components, linear.as_ref().ok(), &dynamics, judged)?;
@@ -138,6 +138,7 @@ fn analysed(
         recorded,
         against: comparison,
         doubts,
+        warnings: used.warnings,
     };
     let posture = linear.map_or(middle, |linear| linear.posture);
     Ok(Technique {

@@ -2,16 +2,18 @@
 
 use std::path::Path;
 
+use bodyflight_core::Body;
 use bodyflight_core::body::pattern;
 use bodyflight_core::dynamics::trim::{TrimError, trim as balance};
 use serde::Serialize;
 
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::{DensityChoice, Flight};
+use bodyflight_replay::person;
 use bodyflight_replay::subject::Subject;
 
 /// A steady fall.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// Speed of the fall (m/s).
@@ -24,6 +26,29 @@ pub struct Report {
     pub pitch_stiffness_nm_per_rad: f64,
     /// Mass with equipment (kg).
     pub mass_kg: f64,
+    /// Why this is no fall of a person.
+    pub doubt: Option<String>,
+}
+
+/// Speeds of steady belly-to-earth falls, from a tunnel's child to a heavy person in thin air (m/s).
+const SPEEDS: core::ops::RangeInclusive<f64> = 30.0..=90.0;
+
+/// Why a steady fall is not that of a person.
+fn doubt(body: &Body<f64>, speed: f64, stiffness: f64) -> Option<String> {
+    let mass = person::unlikely(body);
+    mass.or_else(|| {
+        (!SPEEDS.contains(&speed)).then(|| {
+            format!(
+                "a steady fall at {speed:.1} m/s is not that of a person, expected {} to {} m/s: mass, areas or density are wrong",
+                SPEEDS.start(),
+                SPEEDS.end()
+            )
+        })
+    })
+    .or_else(|| {
+        (stiffness > 0.0)
+            .then(|| "this fall is unstable in pitch: no body stays in it without moving".to_owned())
+    })
 }
 
 /// Finds the equilibrium of the neutral pose in still air of this density (kg/m3).
@@ -53,5 +78,6 @@ pub fn trim(subject: &Subject, density: f64) -> Result<Report> {
         knee_deg: trim.knee.to_degrees(),
         pitch_stiffness_nm_per_rad: trim.pitch_stiffness,
         mass_kg: dynamics.body.mass(),
+        doubt: doubt(&dynamics.body, trim.terminal_speed, trim.pitch_stiffness),
     })
 }

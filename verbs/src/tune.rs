@@ -4,6 +4,8 @@
 //! smallest gap in linear and angular velocity is kept and checked on flights that were not used; a search per segment
 //! does this in rounds. The same seed gives the same answer on any number of cores.
 
+mod report;
+
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bodyflight_core::Segment;
@@ -14,16 +16,16 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
-use serde::Serialize;
 
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::{FlightFrame, Options};
+use bodyflight_mvnx::recording::{FlightFrame, Options, Warning};
 use bodyflight_replay::Precision;
-use bodyflight_replay::comparison::{Channel, Comparison, PerChannel};
+use bodyflight_replay::comparison::{Channel, Comparison};
 use bodyflight_replay::flight::Flight;
-use bodyflight_replay::steps::{Replay, too_short};
+use bodyflight_replay::steps::{DIVERGED_HELP, Divergence, Replay, too_short};
 use bodyflight_replay::subject::CommonCoefficients;
+pub use report::{HeldOut, Report, SegmentBest};
 
 /// Gap (rad/s, m/s, m/s) that counts as 1 in each channel: the paper's own accuracy, section "Model Validation in
 /// Experiments". A smaller scale gives its channel more weight in the search.
@@ -87,68 +89,24 @@ impl Candidate {
     }
 }
 
-/// Coefficients of one segment.
-#[derive(Debug, Clone, Copy, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct SegmentBest {
-    /// Name of the segment.
-    pub segment: &'static str,
-    /// Drag.
-    pub cd: f64,
-    /// Lift, the force across the airflow.
-    pub cl: f64,
-    /// Moment.
-    pub cm: f64,
-}
-
-/// The result of a search.
-#[derive(Debug, Clone, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Report {
-    /// Initial coefficients.
-    pub guess: CommonCoefficients,
-    /// The best draw.
-    pub best: CommonCoefficients,
-    /// Coefficients of segments that differ from the common ones: from a search per segment, or the subject's, scaled.
-    pub segments: Vec<SegmentBest>,
-    /// Gap of the guess on the flights used, in units of the paper's accuracy.
-    pub score_before: f64,
-    /// Gap of the best draw, in the same units.
-    pub score_after: f64,
-    /// Flights that were not used.
-    pub held_out: Vec<HeldOut>,
-    /// Number of draws simulated.
-    pub draws: usize,
-    /// Whether Ctrl-C ended the search: the best is that of the draws so far, and was not checked on held-out flights.
-    pub interrupted: bool,
-}
-
-/// A flight that was not used in the search.
-#[derive(Debug, Clone, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct HeldOut {
-    /// The recording.
-    pub recording: String,
-    /// Gap with the guess.
-    pub rms_before: PerChannel,
-    /// Gap with the best.
-    pub rms_after: PerChannel,
-    /// Score with the guess.
-    pub score_before: f64,
-    /// Score with the best.
-    pub score_after: f64,
-}
-
 /// A flight in memory, since a search simulates it hundreds of times.
 struct Loaded<'a> {
     flight: &'a Flight,
     dynamics: Dynamics<f64>,
     frames: Vec<FlightFrame>,
+    warnings: Vec<Warning>,
+}
+
+/// A simulation with a set of coefficients.
+struct Flown {
+    comparison: Comparison,
+    /// Why it means nothing, if it diverges.
+    diverged: Option<String>,
 }
 
 impl<'a> Loaded<'a> {
     fn read(flight: &'a Flight, options: Options) -> Result<Self> {
-        let frames = flight.open(options)?.trusted(&flight.recording)?;
+        let (frames, warnings) = flight.open(options)?.trusted(&flight.recording)?;
         let [first, _, ..] = frames.as_slice() else {
             return Err(too_short(&flight.recording));
         };
@@ -157,11 +115,19 @@ impl<'a> Loaded<'a> {
             flight,
             dynamics,
             frames,
+            warnings,
         })
     }
 
+    /// What is implausible in the recording, with its name.
+    fn said(&self) -> impl Iterator<Item = String> {
+        let name = self.flight.recording.display();
+        let warnings = self.warnings.iter();
+        warnings.map(move |warning| format!("{name}: {warning}"))
+    }
+
     /// Simulates the postures with other coefficients.
-    fn fly(&self, candidate: &Candidate) -> Result<Comparison> {
+    fn fly(&self, candidate: &Candidate) -> Result<Flown> {
         let mut dynamics = self.dynamics;
         let guess = self.flight.subject.common_coefficients();
         for (segment, own) in dynamics.aerodynamics.coefficients.iter_mut() {
@@ -171,13 +137,31 @@ impl<'a> Loaded<'a> {
         flight.subject.set_damping(candidate.common.damp.into());
         let frames = self.frames.iter().copied().map(Ok);
         let mut comparison = Comparison::default();
-        for step in Replay::with_dynamics(&flight, frames, Precision::Double, |_| dynamics)? {
+        let replay = Replay::with_dynamics(&flight, frames, Precision::Double, |_| dynamics)?;
+        let mut replay = replay.on_divergence(Divergence::Held);
+        for step in replay.by_ref() {
             comparison.push(step?.pair);
             if comparison.count().is_multiple_of(1024) {
                 interrupt::check()?;
             }
         }
-        Ok(comparison)
+        Ok(Flown {
+            comparison,
+            diverged: replay.diverged(),
+        })
+    }
+
+    /// The same for coefficients from which a search starts.
+    fn fly_guess(&self, guess: &Candidate) -> Result<Comparison> {
+        let flown = self.fly(guess)?;
+        match flown.diverged {
+            None => Ok(flown.comparison),
+            Some(doubt) => Err(Problem::doubt(format!(
+                "with the subject's own coefficients {doubt}"
+            ))
+            .in_file(&self.flight.recording)
+            .help(DIVERGED_HELP)),
+        }
     }
 }
 
@@ -203,7 +187,13 @@ pub fn tune(
     let (used, held_out) = (load(flights, options)?, load(held_out, options)?);
     let guess = first.subject.common_coefficients();
     let start = Candidate::plain(guess);
-    let score_before = total_score(&used, &start)?;
+    // Without a guess that flies, nothing is searched.
+    let before = |flights: &[Loaded<'_>]| -> Result<Vec<Comparison>> {
+        let flown = flights.iter().map(|flight| flight.fly_guess(&start));
+        flown.collect()
+    };
+    let (before, before_held_out) = (before(&used)?, before(&held_out)?);
+    let score_before = total(before.iter().map(score));
     let (mut score_after, mut best) = (score_before, start);
     let mut random = ChaCha8Rng::seed_from_u64(search.seed);
     let mut spread = search.spread;
@@ -223,7 +213,6 @@ pub fn tune(
                 }
                 flown.fetch_add(1, Ordering::Relaxed);
                 progress();
-                // A draw that diverges has lost.
                 Some((score.unwrap_or(f64::INFINITY), index, *candidate))
             })
             .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -240,17 +229,21 @@ pub fn tune(
     }
     let checked: Result<Vec<HeldOut>> = held_out
         .iter()
-        .map(|flight| check(flight, &start, &best))
+        .zip(&before_held_out)
+        .map(|(flight, before)| check(flight, before, &best))
         .collect();
     let interrupted = interrupt::requested();
-    let held_out = if interrupted { Vec::new() } else { checked? };
+    let checked = if interrupted { Vec::new() } else { checked? };
+    let warnings = used.iter().chain(&held_out).flat_map(Loaded::said);
     Ok(Report {
+        warnings: warnings.collect(),
+        doubts: checked.iter().filter_map(HeldOut::doubt).collect(),
         guess,
         best: best.common,
         segments: differing(first, &best),
         score_before,
         score_after,
-        held_out,
+        held_out: checked,
         draws,
         interrupted,
     })
@@ -287,14 +280,16 @@ fn differing(flight: &Flight, best: &Candidate) -> Vec<SegmentBest> {
         .collect()
 }
 
-fn check(flight: &Loaded<'_>, guess: &Candidate, best: &Candidate) -> Result<HeldOut> {
-    let (before, after) = (flight.fly(guess)?, flight.fly(best)?);
+fn check(flight: &Loaded<'_>, before: &Comparison, best: &Candidate) -> Result<HeldOut> {
+    let flown = flight.fly(best)?;
+    let after = flown.comparison;
     Ok(HeldOut {
         recording: flight.flight.recording.display().to_string(),
         rms_before: before.rms(),
         rms_after: after.rms(),
-        score_before: score(&before),
+        score_before: score(before),
         score_after: score(&after),
+        diverged: flown.diverged,
     })
 }
 
@@ -353,15 +348,24 @@ fn draw(
         .collect()
 }
 
-/// Root mean square of the flights' scores.
+/// The score of a draw over all flights. One that diverges on any has lost.
 fn total_score(flights: &[Loaded<'_>], candidate: &Candidate) -> Result<f64> {
-    let mut sum = 0.0;
-    for flight in flights {
-        sum += score(&flight.fly(candidate)?).powi(2);
-    }
+    let scores = flights.iter().map(|flight| {
+        let flown = flight.fly(candidate)?;
+        Ok(if flown.diverged.is_some() {
+            f64::INFINITY
+        } else {
+            score(&flown.comparison)
+        })
+    });
+    Ok(total(scores.collect::<Result<Vec<f64>>>()?.into_iter()))
+}
+
+/// Root mean square of the flights' scores.
+fn total(scores: impl ExactSizeIterator<Item = f64>) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "only a few flights")]
-    let count = flights.len().max(1) as f64;
-    Ok((sum / count).sqrt())
+    let count = scores.len().max(1) as f64;
+    (scores.map(|score| score * score).sum::<f64>() / count).sqrt()
 }
 
 /// Gap in linear and angular velocity relative to the paper's accuracy, root mean square over channels.

@@ -76,7 +76,7 @@ impl Report {
 /// Returns an error if a file is unusable or has no velocities, or if the recording cannot be trusted.
 pub fn read(path: &Path) -> Result<Recorded> {
     let flight = Flight::read(path)?;
-    let frames = flight.open(Options::default())?.trusted(path)?;
+    let (frames, _) = flight.open(Options::default())?.trusted(path)?;
     let height = frames
         .first()
         .map_or(0.0, |frame| frame.pelvis.position.components.z);

@@ -4,19 +4,23 @@
 //! [`Quality`]); a longer one, or any with [`BadFrames::Refuse`], is an error that names file, line, frame and element.
 
 mod agreement;
+mod anatomy;
 mod arms;
 mod bridge;
+mod checks;
 mod clock;
 mod frame;
 mod limbs;
 mod mounting;
 mod paths;
 mod plausibility;
+mod spins;
 mod warning;
 mod watch;
 
 pub use arms::{CLOSURE_LIMIT, arm_frame};
 pub use bridge::{BRIDGE_LIMIT, BadFrames, Quality};
+pub use checks::Checks;
 pub use frame::{FlightFrame, PelvisMotion};
 pub use mounting::Mounting;
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::diagnostic::Result;
 use bodyflight_io::files::write_file;
 use bodyflight_mvnx::recording::faults;
 use bodyflight_replay::flight::{Flight, name_of};
@@ -15,7 +15,7 @@ use bodyflight_verbs::view::page::{PageData, Provenance, html};
 
 use super::arguments::window;
 use super::outputs::{Outputs, Plot};
-use super::several::{file_of, output_of};
+use super::several::{self, file_of, output_of};
 use super::simulate::Reading;
 use super::terminal::{self, FlightBar};
 use super::view::{command, open};
@@ -110,21 +110,21 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
                 open(page);
             }
         }
-        if let Some(doubt) = faults(&b.warnings) {
-            verdicts.push(Problem::doubt(doubt).in_file(&b.flight.recording));
-        }
-        if let Some(doubt) = compared.pair.doubt() {
-            verdicts.push(Problem::doubt(doubt).in_file(&b.flight.recording));
+        let recording = &b.flight.recording;
+        for doubt in [faults(&b.warnings), compared.pair.doubt()] {
+            verdicts.push(several::verdict(doubt, recording));
         }
         report.pairs.push(compared.pair);
     }
-    if let Some(doubt) = faults(&a.warnings) {
-        verdicts.push(Problem::doubt(doubt).in_file(&a.flight.recording));
-    }
+    verdicts.push(several::verdict(faults(&a.warnings), &a.flight.recording));
     if json {
         terminal::print_json(&report)?;
     } else {
         terminal::print(report.to_string().trim_end());
+        let others = report.pairs.iter().map(|pair| &pair.b);
+        for side in others.chain([&report.a]) {
+            terminal::note_warnings(&side.warnings);
+        }
         let notes = report.pairs.iter().flat_map(|pair| &pair.notes);
         notes.for_each(|note| terminal::note(&format!("note: {note}")));
         let plots = plots.iter().map(|plot| &plot.path);
@@ -132,7 +132,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             terminal::print(&format!("written: {}", path.display()));
         }
     }
-    verdicts.into_iter().next().map_or(Ok(()), Err)
+    verdicts.into_iter().collect()
 }
 
 fn track((name, flight): &(String, Flight), args: &Args) -> Result<Track> {

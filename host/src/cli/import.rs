@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::diagnostic::Result;
 use bodyflight_mocap::mapping::Mapping;
 use bodyflight_replay::subject::Subject;
 use bodyflight_verbs::import::{FILES, Request, import};
 
 use super::outputs::Outputs;
-use super::terminal;
+use super::{several, terminal};
 
 /// Convert another system's motion into a recording: joints (BVH, ASF/AMC, SMPL), points (C3D, TRC, Vicon Nexus), joint
 /// angles or quaternions (OpenSim, OpenSense, CSV), workbooks of MVN, and folders of Xsens sensors.
@@ -60,8 +60,5 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     } else {
         terminal::print(&report.to_string());
     }
-    match report.doubt() {
-        Some(doubt) => Err(Problem::doubt(doubt).in_file(&args.file)),
-        None => Ok(()),
-    }
+    several::verdict(report.doubt(), &args.file)
 }

@@ -9,7 +9,7 @@ use bodyflight_verbs::sensitivity::{Parameter, Report, SHOWN, sensitivity};
 
 use super::arguments::Names;
 use super::outputs::{Outputs, Plot};
-use super::{estimate, simulate, terminal};
+use super::{estimate, several, simulate, terminal};
 
 /// Change each parameter of the model and show how much that changes the motion from the same postures.
 #[derive(clap::Args)]
@@ -64,16 +64,11 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     } else {
         print_report(&report);
     }
-    match report.doubt() {
-        Some(doubt) => Err(Problem::doubt(doubt).in_file(&args.flight)),
-        None => Ok(()),
-    }
+    several::verdict(report.doubt(), &args.flight)
 }
 
 fn print_report(report: &Report) {
-    for warning in &report.warnings {
-        terminal::note(&format!("warning: {warning}"));
-    }
+    terminal::note_warnings(&report.warnings);
     let names = SHOWN.map(|channel| channel.label().0);
     let columns: Vec<&str> = ["parameter", "factor"].into_iter().chain(names).collect();
     let shares = |values: &PerChannel, amplitude: &PerChannel| {

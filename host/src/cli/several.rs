@@ -66,6 +66,17 @@ pub(super) fn output_of(
     Ok(Some(PathBuf::from(text.replace(NAME, &name(flight)))))
 }
 
+/// The end of a verb whose result may be doubtful.
+///
+/// # Errors
+/// Returns the doubt, if there is one.
+pub(super) fn verdict(doubt: Option<String>, path: &Path) -> Result<()> {
+    match doubt {
+        None => Ok(()),
+        Some(doubt) => Err(Problem::doubt(doubt).in_file(path)),
+    }
+}
+
 /// Results for several flights, in the order given.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use bodyflight_core::dynamics::free_run::Equations;
-use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::diagnostic::Result;
 use bodyflight_mvnx::ArmFrame;
 use bodyflight_mvnx::recording::{BadFrames, Options};
 use bodyflight_replay::Precision;
@@ -18,7 +18,7 @@ use bodyflight_verbs::simulate::what_if::{self, Change};
 use bodyflight_verbs::simulate::{Report, RunFile, Simulation, simulate};
 
 use super::outputs::{Outputs, Plot};
-use super::several::{each, output_of};
+use super::several::{self, each, output_of};
 use super::terminal::{self, FlightBar};
 
 /// Simulate a flight from its recorded postures and first frame, and compare it with the measured motion of the pelvis.
@@ -168,11 +168,13 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
 
 /// The verdict on a simulation.
 fn verdict(doubt: Option<String>, is_diverged: bool, path: &Path) -> Result<()> {
-    match doubt {
-        None => Ok(()),
-        Some(doubt) if is_diverged => Err(Problem::doubt(doubt).in_file(path).help(DIVERGED_HELP)),
-        Some(doubt) => Err(Problem::doubt(doubt).in_file(path)),
-    }
+    several::verdict(doubt, path).map_err(|problem| {
+        if is_diverged {
+            problem.help(DIVERGED_HELP)
+        } else {
+            problem
+        }
+    })
 }
 
 /// What is to be changed.
@@ -214,9 +216,7 @@ fn run_what_if(path: &Path, args: &Args, change: &Change, json: bool) -> Result<
     }
     if !json {
         terminal::print(&report.to_string());
-        for warning in &report.warnings {
-            terminal::note(&format!("warning: {warning}"));
-        }
+        terminal::note_warnings(&report.warnings);
         for path in [&out, &plot.path].into_iter().flatten() {
             terminal::print(&format!("written: {}", path.display()));
         }
@@ -297,9 +297,7 @@ pub(super) fn print_report(simulation: &Simulation) {
             gnss.heading_rad.to_degrees()
         ));
     }
-    for warning in &report.warnings {
-        terminal::note(&format!("warning: {warning}"));
-    }
+    terminal::note_warnings(&report.warnings);
     if let Some(fault) = &simulation.quality.first_fault {
         terminal::print(&format!(
             "{} bad frames were bridged; the first: line {}, frame {}, {}: {}",

@@ -12,6 +12,7 @@ use bodyflight_mvn_network::Source;
 use bodyflight_mvnx::live::LiveRecording;
 use bodyflight_mvnx::recording::{FlightFrame, Warning};
 use bodyflight_replay::flight::Flight;
+use bodyflight_replay::live::LiveChecks;
 use bodyflight_replay::model_file::Effects;
 use bodyflight_unit::monitor::Defmt;
 use bodyflight_unit::stream::connection::{DEFAULT_BAUD, Target};
@@ -23,7 +24,7 @@ use super::outputs::{Outputs, print_kept};
 use super::simulate::Reading;
 use super::unit::sensor::SensorArgs;
 use super::watch::Watch;
-use super::{estimate, terminal};
+use super::{estimate, several, terminal};
 use sensor::Alone;
 
 /// Stream a flight to a unit, and compare its estimates bit for bit with those of the same filter on this machine.
@@ -212,20 +213,19 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         let mut source = Source::bind(address)?;
         terminal::note(&format!("listening to MVN at {}", source.local_address()?));
         let mut patience = Duration::MAX;
+        let rate = args.rate.unwrap_or(240.0);
+        let checks = RefCell::new(LiveChecks::new(&flight, rate));
         let frames = std::iter::from_fn(|| {
             let frame = source.next_within(patience).transpose();
             patience = SILENCE;
+            if let Some(Ok(frame)) = &frame {
+                checks.borrow_mut().see(frame);
+            }
             frame
         });
-        return run_frames(
-            args,
-            json,
-            &flight,
-            args.rate.unwrap_or(240.0),
-            frames,
-            &settings,
-            &Vec::new,
-        );
+        return run_frames(args, json, &flight, rate, frames, &settings, &|| {
+            checks.borrow().warnings()
+        });
     }
     let recording = RefCell::new(flight.open(args.reading.options())?);
     let frame_rate = recording.borrow().header().frame_rate;
@@ -317,16 +317,11 @@ fn run_frames(
         print_report(&report);
     }
     report.verdict()?;
-    match report.doubt() {
-        Some(doubt) => Err(Problem::doubt(doubt).in_file(&flight.recording)),
-        None => Ok(()),
-    }
+    several::verdict(report.doubt(), &flight.recording)
 }
 
 fn print_report(report: &Report) {
-    for warning in &report.warnings {
-        terminal::note(&format!("warning: {warning}"));
-    }
+    terminal::note_warnings(&report.warnings);
     let estimates = &report.estimates;
     let unit = &report.unit;
     if let Some(place) = &report.unit_panic {

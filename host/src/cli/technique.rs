@@ -14,7 +14,7 @@ use bodyflight_verbs::technique::{Settings, Technique, expert, joint_error, tech
 
 use super::arguments::window;
 use super::outputs::{Outputs, Plot};
-use super::several::{each, output_of};
+use super::several::{self, each, output_of};
 use super::{simulate, terminal};
 
 /// Find the movement patterns of a maneuver, and how this body's fall and turn answer to each.
@@ -86,11 +86,8 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         .collect::<Result<Vec<_>>>()?;
     each(&args.flights, json, |path| {
         let report = run_flight(path, args, &settings, &experts, json)?;
-        let verdict = match report.doubts.as_slice() {
-            [] => Ok(()),
-            doubts => Err(Problem::doubt(doubts.join("; ")).in_file(path)),
-        };
-        Ok((report, verdict))
+        let doubt = (!report.doubts.is_empty()).then(|| report.doubts.join("; "));
+        Ok((report, several::verdict(doubt, path)))
     })
 }
 
@@ -139,6 +136,7 @@ fn run_flight(
     plot.write(|| amplitudes_svg(&plot.title(name), &found))?;
     if !json {
         terminal::print(found.report.to_string().trim_end());
+        terminal::note_warnings(&found.report.warnings);
         for written in [&out, &csv, &bode, &picture, &plot.path]
             .into_iter()
             .flatten()

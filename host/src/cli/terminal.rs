@@ -16,6 +16,7 @@ use super::arguments::in_words;
 pub(super) use bars::{FlightBar, Stages, bar, set_share, share_bar, spinner};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::input;
+use bodyflight_mvnx::recording::Warning;
 use bodyflight_replay::comparison::{Channel, PerChannel};
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::model_file::Effects;
@@ -149,6 +150,13 @@ pub(super) fn finish() -> Result<()> {
 pub(super) fn note(text: &str) {
     let mut err = std::io::stderr().lock();
     let _ = writeln!(err, "{}", visible(text));
+}
+
+/// Writes what is implausible in a recording to standard error.
+pub(super) fn note_warnings(warnings: &[Warning]) {
+    for warning in warnings {
+        note(&format!("warning: {warning}"));
+    }
 }
 
 /// Warns about effects of which only the mean is simulated.

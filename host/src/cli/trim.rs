@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bodyflight_io::diagnostic::Result;
+use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_replay::subject::Subject;
 use bodyflight_verbs::trim::trim;
@@ -11,7 +11,8 @@ use super::terminal;
 
 /// Find the steady belly-to-earth fall of a subject in the neutral pose: speed, pitch and bend of the knees.
 #[derive(clap::Args)]
-#[command(after_help = "Example: bodyflight trim subject.toml --density 0.9")]
+#[command(after_help = "Example: bodyflight trim subject.toml --density 0.9\n\n\
+                  Exit code 4: nothing balances; 5: what balances is no fall of a person, or unstable in pitch.")]
 pub(super) struct Args {
     /// A subject.toml; by default the default subject.
     subject: Option<PathBuf>,
@@ -26,8 +27,16 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         None => Subject::default(),
     };
     let report = trim(&subject, args.density)?;
+    let verdict = match &report.doubt {
+        None => Ok(()),
+        Some(doubt) => Err(match &args.subject {
+            Some(path) => Problem::doubt(doubt.clone()).in_file(path),
+            None => Problem::doubt(doubt.clone()),
+        }),
+    };
     if json {
-        return terminal::print_json(&report);
+        terminal::print_json(&report)?;
+        return verdict;
     }
     let mut table = terminal::table(&["steady fall in the neutral pose", ""]);
     for (name, value) in [
@@ -49,5 +58,5 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         table.add_row([name, &value]);
     }
     terminal::print(&table.to_string());
-    Ok(())
+    verdict
 }

@@ -11,13 +11,14 @@ use bodyflight_verbs::tune::{Report, Search, tune};
 
 use super::arguments::at_least_one;
 use super::outputs::Outputs;
-use super::{simulate, terminal};
+use super::{several, simulate, terminal};
 
 /// Search for the aerodynamic coefficients that reconstruct flights best, and check them on other flights.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: bodyflight tune turn-1 turn-2 --hold-out turn-3 --draws 50 --out best.toml\n\n\
-                  Ctrl-C ends the search and keeps the best so far."
+                  Ctrl-C ends the search and keeps the best so far. Exit code 5: a flight cannot be trusted or does not fly with \
+                  its own coefficients, or the best is worse than those on a flight held out."
 )]
 pub(super) struct Args {
     /// Flights to tune on.
@@ -76,9 +77,13 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         write_file(path, coefficients_toml(&report).as_bytes())?;
     }
     if json {
-        return terminal::print_json(&report);
+        terminal::print_json(&report)?;
+        return verdict(args, &report);
     }
     print_report(&report);
+    for warning in &report.warnings {
+        terminal::note(&format!("warning: {warning}"));
+    }
     if report.interrupted {
         terminal::note(&format!(
             "interrupted: this is the best of the first {} of {} draws",
@@ -88,7 +93,12 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if let Some(path) = &args.out {
         terminal::print(&format!("written: {}", path.display()));
     }
-    Ok(())
+    verdict(args, &report)
+}
+
+fn verdict(args: &Args, report: &Report) -> Result<()> {
+    let path = args.out.as_ref().or(args.hold_out.first());
+    several::verdict(report.doubt(), path.unwrap_or(&args.flights[0]))
 }
 
 fn coefficients_toml(report: &Report) -> String {

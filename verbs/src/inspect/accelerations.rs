@@ -27,6 +27,8 @@ pub(super) struct Accelerations {
     by_acceleration: Vector3<f64>,
     squares: [f64; 2],
     product: f64,
+    /// Frames whose acceleration is no number.
+    no_numbers: u64,
 }
 
 impl Accelerations {
@@ -40,6 +42,10 @@ impl Accelerations {
         let Some(acceleration) = acceleration else {
             return;
         };
+        if !acceleration.iter().all(|number| number.is_finite()) {
+            self.no_numbers += 1;
+            return;
+        }
         let (begin, from) = *self.begin.get_or_insert((time, *velocity));
         self.gained += acceleration * (time - self.last).clamp(0.0, PIECE);
         self.last = time;
@@ -63,6 +69,21 @@ impl Accelerations {
 
     /// What contradicts, in a sentence.
     pub(super) fn warning(&self) -> Option<Warning> {
+        let remark = |what: &str| Warning {
+            frame: 0,
+            message: format!(
+                "the accelerations {what}; expected m/s2 without gravity (they are not used)"
+            ),
+            segment: None,
+            span_s: None,
+            is_fault: false,
+        };
+        if self.no_numbers > 0 {
+            let count = self.no_numbers;
+            return Some(remark(&format!(
+                "of the pelvis are no numbers in {count} frames"
+            )));
+        }
         if self.pieces < LEAST {
             return None;
         }
@@ -95,15 +116,9 @@ impl Accelerations {
         } else {
             return None;
         };
-        Some(Warning {
-            frame: 0,
-            message: format!(
-                "the accelerations {what}, compared with the change of the velocities; expected m/s2 without gravity (they are not used)"
-            ),
-            segment: None,
-            span_s: None,
-            is_fault: false,
-        })
+        Some(remark(&format!(
+            "{what}, compared with the change of the velocities"
+        )))
     }
 }
 

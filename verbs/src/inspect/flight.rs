@@ -15,6 +15,7 @@ use bodyflight_io::progress;
 use bodyflight_mvnx::recording::{FlightFrame, Options, Recording, Warning};
 use bodyflight_replay::person::compared;
 use bodyflight_replay::subject::Subject;
+use bodyflight_replay::support::Support;
 
 /// Difference between MVN's centre of mass and the model's, in body axes: left, dorsal, cranial.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -61,16 +62,23 @@ pub(crate) fn inspected(path: &Path, person: Option<&Body<f64>>) -> Result<Fligh
     let mut picture = None;
     let mut centres = Centres::default();
     let mut activities = Activities::default();
+    let mut support = Support::default();
     for frame in recording.by_ref() {
         let frame = frame?;
         picture.get_or_insert_with(|| super::picture::first_frame(&body, &frame));
         centres.add(&body, &frame);
         activities.see(&frame);
+        support.see(&frame);
         if frame.index.is_multiple_of(1024) {
             progress::at(frame.time)?;
         }
     }
     let mut warnings = recording.warnings();
+    // A recording of something else than a fall is sound, but no flight.
+    warnings.extend(support.warnings().into_iter().map(|warning| Warning {
+        is_fault: false,
+        ..warning
+    }));
     warnings.extend(
         person
             .iter()

@@ -27,6 +27,8 @@ pub struct Outcome {
     pub paper_filter: PerChannel,
     /// RMS gap with inputs estimated by the motion filter.
     pub motion_filter: PerChannel,
+    /// Why the motion filter's estimate should not be trusted.
+    pub doubt: Option<String>,
     /// Largest absolute value of each channel of the matched flight, which has the paper's muscle forces.
     pub matched_amplitude: PerChannel,
     /// RMS gap of the matched flight by the paper's own procedure.

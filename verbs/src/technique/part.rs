@@ -2,7 +2,7 @@
 
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
-use bodyflight_mvnx::recording::{FlightFrame, Options, faults};
+use bodyflight_mvnx::recording::{FlightFrame, Options, Warning};
 use bodyflight_replay::flight::Flight;
 
 /// Frames this close (s) to the one before are left out: limbs move slower.
@@ -32,8 +32,8 @@ pub(super) struct Used {
     pub(super) frames: Vec<FlightFrame>,
     /// Time that they cover (s).
     pub(super) duration: f64,
-    /// Why the recording should not be trusted.
-    pub(super) doubt: Option<String>,
+    /// What is implausible in the recording.
+    pub(super) warnings: Vec<Warning>,
 }
 
 /// The frames asked for.
@@ -94,6 +94,6 @@ pub(super) fn used(flight: &Flight, settings: &Settings, options: Options) -> Re
     Ok(Used {
         frames: all,
         duration,
-        doubt: faults(&recording.warnings()),
+        warnings: recording.warnings(),
     })
 }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use bodyflight_mvnx::recording::Warning;
 use serde::Serialize;
 
 use super::against::{Against, Merit, TURN, Turn};
@@ -42,6 +43,8 @@ pub struct Report {
     pub against: Option<Against>,
     /// Reasons not to trust the result.
     pub doubts: Vec<String>,
+    /// What is implausible in the recording.
+    pub warnings: Vec<Warning>,
 }
 
 /// The turn rate that the linear response to all recorded joint angles gives, against the recorded one. Means are left out.

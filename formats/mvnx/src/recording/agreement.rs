@@ -1,4 +1,4 @@
-//! How well two records of one vector agree.
+//! How well two records of one vector agree, and where one of them is missing.
 
 use nalgebra::Vector3;
 
@@ -32,5 +32,41 @@ impl Agreement {
     /// Whether what was found does not show the motion at all.
     pub(super) fn is_empty(&self) -> bool {
         self.found < NONE * NONE * self.expected
+    }
+}
+
+/// Change in one frame (m or rad) above which the last digit of a file does not explain it.
+const CHANGES: f64 = 2e-5;
+/// Share of the frames that change along an axis with a rate of exactly zero along it that is no chance, and the fewest.
+const EMPTY: f64 = 0.02;
+const LEAST: u32 = 10;
+
+/// Rates that are exactly zero although what they are rates of changes.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Zeros {
+    changing: [u32; 3],
+    empty: [u32; 3],
+    first: Option<f64>,
+}
+
+impl Zeros {
+    /// Takes a change since the frame before, and the rate in the frame at this time (s).
+    pub(super) fn see(&mut self, time: f64, change: &Vector3<f64>, rate: &Vector3<f64>) {
+        for axis in (0..3).filter(|axis| change[*axis].abs() > CHANGES) {
+            self.changing[axis] += 1;
+            if rate[axis] == 0.0 {
+                self.empty[axis] += 1;
+                self.first.get_or_insert(time);
+            }
+        }
+    }
+
+    /// Frames with a zero, frames that change, and the time of the first zero (s), for the worst axis, if that is no chance.
+    pub(super) fn found(&self) -> Option<(u32, u32, f64)> {
+        let counts = self.empty.into_iter().zip(self.changing);
+        let (empty, changing) = counts.max_by_key(|(empty, _)| *empty)?;
+        let is_no_chance = empty > LEAST && f64::from(empty) > EMPTY * f64::from(changing);
+        let first = self.first.filter(|_| is_no_chance)?;
+        Some((empty, changing, first))
     }
 }

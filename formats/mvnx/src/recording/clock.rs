@@ -10,8 +10,9 @@ const TOLERANCE: f64 = 0.03;
 const NEAR: f64 = 0.3;
 /// Change of either between two frames of a body that moves, well above the last digit of a file.
 const MOVES: f64 = 5e-5;
-/// Share of repeated frames above which a recording was made at a lower rate than it states.
+/// Share of repeated frames above which a recording was made at a lower rate than it states, and above which it lost some.
 const REPEATED: f64 = 0.1;
+const LOST: f64 = 0.01;
 
 /// What has been seen of the clock.
 #[derive(Debug, Clone, Default)]
@@ -119,21 +120,28 @@ impl Clock {
         ))
     }
 
-    /// Frames that repeat the one before while the body moves, and the frame that shows it.
-    pub(super) fn repetitions(&self) -> Option<(u64, f64, String)> {
+    /// Frames that repeat the one before while the body moves: the first, its time (s), a sentence, and whether they are so
+    /// many that the recording is not what it says.
+    pub(super) fn repetitions(&self) -> Option<(u64, f64, String, bool)> {
         let (index, time) = self.first_repeated?;
         #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
         let share = self.repeated as f64 / self.frames.max(1) as f64;
-        (self.frames >= LEAST_FRAMES && share > REPEATED).then(|| {
-            let rate = self.frame_rate * (1.0 - share);
-            (
-                index,
-                time,
+        let is_slower = share > REPEATED;
+        (self.frames >= LEAST_FRAMES && share > LOST).then(|| {
+            let why = if is_slower {
                 format!(
-                    "{} of {} frames repeat the one before while the body moves: recorded at about {rate:.0} frames a second and written at {:.0}",
-                    self.repeated, self.frames, self.frame_rate
-                ),
-            )
+                    "recorded at about {:.0} frames a second and written at {:.0}",
+                    self.frame_rate * (1.0 - share),
+                    self.frame_rate
+                )
+            } else {
+                "frames were lost and filled".to_owned()
+            };
+            let message = format!(
+                "{} of {} frames repeat the one before while the body moves: {why}",
+                self.repeated, self.frames
+            );
+            (index, time, message, is_slower)
         })
     }
 }

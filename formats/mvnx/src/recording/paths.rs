@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::agreement::{Agreement, NONE};
+use super::agreement::{Agreement, NONE, Zeros};
 
 /// Fewest frames that are judged.
 const LEAST_FRAMES: u64 = 10;
@@ -30,6 +30,14 @@ const SELDOM: u64 = 30;
 const VELOCITY_JUMPS: f64 = 5.0;
 const ACCELERATION: f64 = 300.0;
 const USUAL: f64 = 8.0;
+/// Jumps of the velocity that a single wrong frame makes, twice.
+const GLITCHES: u64 = 4;
+/// Mean distance between displacement and velocity in one frame (m) beyond which positions are mostly noise, and the longest
+/// frame for which it is judged (s).
+const SCATTERS: f64 = 0.1;
+const FRAME: f64 = 0.02;
+/// Mean change of velocity in such a frame (m/s) beyond which velocities are mostly noise.
+const VELOCITY_SCATTERS: f64 = 5.0;
 /// Time over which displacements are compared with velocities (s): long enough to average their noise, and short enough
 /// for the path to be straight.
 const STRETCH: f64 = 0.1;
@@ -81,15 +89,22 @@ pub(super) struct Paths {
     /// Time (s) and size (m) of the first jump of the pelvis that its velocity does not explain, and their number.
     jump: Option<(f64, f64)>,
     jumps: u64,
-    /// Time (s) and size (m/s) of the largest change of velocity in one frame, and the sum of their squares.
+    /// Sum of the distances between displacement and velocity in short frames (m), and their number.
+    scatter: f64,
+    short_frames: u64,
+    short_changes: f64,
+    zeros: Zeros,
+    /// Time (s) and size (m/s) of the largest change of velocity in one frame, the sum of all, and how many jump.
     largest_change: (f64, f64),
     changes: f64,
+    velocity_jumps: u64,
     stretch: Option<Piece>,
     /// Whether velocities come from another sensor than positions.
     is_coarse: bool,
     piece: Option<Piece>,
     parted: Option<Parted>,
     pieces_parted: u64,
+    last: f64,
     /// Largest speed over such a time, as slow as positions and velocities allow (m/s).
     fastest: f64,
 }
@@ -106,12 +121,21 @@ impl Paths {
     ) {
         let by_velocity = 0.5 * (before + velocity) * duration;
         self.frames += 1;
-        if (moved - by_velocity).norm() > JUMPS {
+        self.last = time;
+        self.zeros.see(time, moved, velocity);
+        let apart = (moved - by_velocity).norm();
+        let change = (velocity - before).norm();
+        if duration < FRAME {
+            self.scatter += apart;
+            self.short_changes += change;
+            self.short_frames += 1;
+        }
+        if apart > JUMPS {
             self.jumps += 1;
             self.jump.get_or_insert((time, moved.norm()));
         }
-        let change = (velocity - before).norm();
-        self.changes += change * change;
+        self.changes += change;
+        self.velocity_jumps += u64::from(change > VELOCITY_JUMPS.max(ACCELERATION * duration));
         if change > self.largest_change.1.max(ACCELERATION * duration) {
             self.largest_change = (time, change);
         }
@@ -187,17 +211,40 @@ impl Paths {
         is_clear.then(|| self.ways.scale())
     }
 
-    /// A velocity that jumps, and when (s): a glitch, if the path agrees otherwise.
-    pub(super) fn velocity_jump(&self) -> Option<(String, f64)> {
+    /// A velocity that jumps, when (s), and whether it does so often: once is a glitch, if the path agrees otherwise.
+    pub(super) fn velocity_jump(&self) -> Option<(String, f64, bool)> {
         let (time, change) = self.largest_change;
         #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
-        let usual = (self.changes / self.frames.max(1) as f64).sqrt();
+        let usual = self.changes / self.frames.max(1) as f64;
         let jumps = change > VELOCITY_JUMPS.max(USUAL * usual) && !self.is_coarse;
         jumps.then(|| {
-            let message =
-                format!("the velocity jumps by {change:.1} m/s in one frame at {time:.3} s");
-            (message, time)
+            let message = format!(
+                "the velocity jumps by {change:.1} m/s in one frame at {time:.3} s, {} times in all",
+                self.velocity_jumps
+            );
+            (message, time, self.velocity_jumps > GLITCHES)
         })
+    }
+
+    /// Positions or velocities that are mostly noise, in a sentence.
+    fn scatters(&self) -> Option<String> {
+        if self.short_frames < LEAST_FRAMES {
+            return None;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+        let count = self.short_frames as f64;
+        let (scatter, change) = (self.scatter / count, self.short_changes / count);
+        if scatter > SCATTERS {
+            Some(format!(
+                "positions scatter by {scatter:.2} m from frame to frame against the velocities; expected less than {SCATTERS} m"
+            ))
+        } else if change > VELOCITY_SCATTERS {
+            Some(format!(
+                "velocities scatter by {change:.1} m/s from frame to frame; expected less than {VELOCITY_SCATTERS} m/s"
+            ))
+        } else {
+            None
+        }
     }
 
     /// What contradicts, with the time it concerns (s) if that is not the whole recording.
@@ -247,7 +294,18 @@ impl Paths {
                 "the velocities are {scale:.3} times those of the positions: the frame rate, or the scale of one of them, is wrong"
             ));
         }
-        let Parted { span, apart } = self.parted?;
+        let Some(Parted { span, apart }) = self.parted else {
+            if let Some(message) = self.scatters() {
+                return whole(message);
+            }
+            let (empty, moving, first) = self.zeros.found()?;
+            return Some((
+                format!(
+                    "the velocity is exactly zero along an axis in {empty} of {moving} frames that move along it, first at {first:.3} s: it is missing there"
+                ),
+                Some([first, self.last]),
+            ));
+        };
         Some((
             format!(
                 "positions and velocities part by up to {apart:.1} m within a second, {} times from {:.3} to {:.3} s: axes of one of them are exchanged or turned, or one of them is wrong there",

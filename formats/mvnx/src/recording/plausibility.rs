@@ -20,6 +20,10 @@ const MOVING: usize = 8;
 const STIFF_FOR: f64 = 0.5;
 /// Distance from either end of the joint's range (rad), where a solver may hold it.
 const WITHIN: f64 = 1e-3;
+/// Shortest recording without any rotation that is no recording of attitudes (s).
+const RIGID_FOR: f64 = 2.0;
+/// Path that tells such a recording from one of a body at rest (m).
+const RIGID_PATH: f64 = 10.0;
 /// Largest distance between the two sides of a joint (m).
 pub(super) const JOINT_LIMIT: f64 = 0.05;
 
@@ -28,7 +32,7 @@ pub(super) const JOINT_LIMIT: f64 = 0.05;
 struct Run {
     first: (u64, f64),
     last: f64,
-    /// Largest value in it.
+    /// Largest value in it; of a body that never turns, the path (m).
     largest: f64,
 }
 
@@ -86,6 +90,9 @@ pub(super) struct Plausibility {
     frozen: Option<SegmentArray<Option<Run>>>,
     joints: Option<SegmentArray<Joint>>,
     open: Vec<(String, Run)>,
+    /// The time in which no segment turns at all, if none ever did.
+    rigid: Option<Run>,
+    has_turned: bool,
 }
 
 impl Plausibility {
@@ -111,6 +118,11 @@ impl Plausibility {
         }
         if let Some((before, changes)) = before {
             self.compare(before, frame, changes);
+            self.has_turned |= changes.values().any(|change| *change >= SAME);
+            let rigid = self.rigid.get_or_insert_with(|| Run::new(before));
+            rigid.last = frame.time;
+            let moved = frame.pelvis.position.components - before.pelvis.position.components;
+            rigid.largest += moved.norm();
             self.move_joints(before, frame);
         }
     }
@@ -220,7 +232,21 @@ impl Plausibility {
             );
             fault(segment, run, message)
         });
-        frozen.chain(self.stiff()).chain(open).collect()
+        let rigid = self.rigid.filter(|run| {
+            !self.has_turned && run.length() >= RIGID_FOR && run.largest > RIGID_PATH
+        });
+        let rigid = rigid.map(|run| {
+            let message = format!(
+                "no segment turns at all from {:.3} to {:.3} s: the attitudes are not recorded",
+                run.first.1, run.last
+            );
+            Warning::fault(run.first.0, [run.first.1, run.last], message)
+        });
+        frozen
+            .chain(self.stiff())
+            .chain(open)
+            .chain(rigid)
+            .collect()
     }
 }
 

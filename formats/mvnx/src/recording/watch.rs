@@ -8,12 +8,14 @@ use bodyflight_core::{Segment, SegmentArray};
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::agreement::Agreement;
+use super::anatomy::Anatomy;
 use super::bridge::BRIDGE_LIMIT;
 use super::clock::Clock;
 use super::frame::FlightFrame;
 use super::limbs::{Limbs, Moving, Snapshot};
 use super::paths::Paths;
 use super::plausibility::{Attitudes, OpenJoint, Plausibility, changes};
+use super::spins::Spins;
 use super::warning::Warning;
 use crate::xsens;
 
@@ -47,6 +49,12 @@ const DEGREES: core::ops::Range<f64> = 40.0..75.0;
 /// Relative difference of two angular velocities that are the same except for noise: beyond it, unit or rate differ.
 const RATES_APART: f64 = 0.3;
 
+/// Correlation of two angular velocities that are the same but for rounding, their largest relative difference then, and the
+/// angular velocity (rad/s) from which on it is a jump that would outweigh all else.
+const EVEN: f64 = 0.995;
+const EVEN_APART: f64 = 0.05;
+const JUMPS: f64 = 20.0;
+
 /// What is said if velocities and angular velocities are both opposite to the motion. The two explanations give the same
 /// numbers: gravity does not tell the direction of time.
 const BACKWARDS: &str = "velocities and angular velocities are opposite to the motion of positions and attitudes: the \
@@ -78,11 +86,15 @@ pub(super) struct Watch {
     largest_gap: Option<(u64, f64)>,
     /// Angular velocity in global axes, and as if it were in segment axes.
     global: Agreement,
+    /// The same without jumps.
+    even: Agreement,
     of_segment: Agreement,
     turn: Option<Turn>,
     turns: u64,
     fastest: Option<(u64, f64)>,
+    spins: Spins,
     paths: Paths,
+    anatomy: Anatomy,
     segments: Plausibility,
     limbs: Limbs,
 }
@@ -109,7 +121,9 @@ impl Watch {
         moving: &SegmentArray<Moving>,
     ) {
         let attitude = *frame.pelvis.inertial_from_body.quaternion();
-        let attitudes = (frame.posture.body_from_segments()).map(|_, turned| attitude * turned);
+        let turned = frame.posture.body_from_segments();
+        self.anatomy.see(&frame.posture, &turned);
+        let attitudes = turned.map(|_, turned| attitude * turned);
         let last = self.last.replace((*frame, attitudes, *moving));
         let before = (last.as_ref()).map(|(last, turned, _)| (last, changes(turned, &attitudes)));
         let change = before.as_ref().map(|(last, changes)| {
@@ -153,6 +167,7 @@ impl Watch {
                 self.largest_gap = Some((frame.index, duration));
             }
             self.turn = None;
+            self.spins.interrupt();
             self.paths.interrupt();
             return;
         }
@@ -160,6 +175,12 @@ impl Watch {
             Some((a?.components + b?.components) * 0.5)
         };
         let (before, now) = (&last.pelvis, &frame.pelvis);
+        if let (Some(first), Some(second)) = (before.angular_velocity, now.angular_velocity) {
+            let from = before.inertial_from_body.quaternion();
+            let turn = (now.inertial_from_body.quaternion() * from.inverse()).scaled_axis();
+            let rates = [&first.components, &second.components];
+            self.spins.see(frame.time, duration, &turn, rates);
+        }
         if let Some(recorded) = mean(before.angular_velocity, now.angular_velocity) {
             if self
                 .fastest
@@ -182,6 +203,9 @@ impl Watch {
                 let turned: UnitQuaternion<f64> = to * turn.from.inverse();
                 let expected = turned.scaled_axis() / time;
                 self.global.add(&expected, &(turn.global / time));
+                if expected.norm() < JUMPS {
+                    self.even.add(&expected, &(turn.global / time));
+                }
                 self.of_segment.add(&expected, &(turn.of_segment / time));
                 self.turns += 1;
                 self.turn = None;
@@ -218,6 +242,8 @@ impl Watch {
                 is_fault,
                 ..Warning::fault(frame, whole, message)
             });
+        } else {
+            warnings.extend(self.of_spin(last.index, whole));
         }
         warnings.extend(self.of_path(last.index, whole));
         let contradiction = self.paths.contradiction();
@@ -228,6 +254,7 @@ impl Watch {
         if let Some((message, span)) = contradiction.filter(|_| !is_backwards && !is_clock_wrong) {
             warnings.push(Warning::fault(last.index, span.unwrap_or(whole), message));
         }
+        warnings.extend(self.anatomy.warnings((last.index, last.time)));
         warnings.extend(self.segments.warnings());
         warnings.extend(self.limbs.warnings((last.index, last.time), sound));
         warnings
@@ -265,9 +292,23 @@ impl Watch {
         let backwards = self.clock.backwards();
         let backwards = backwards.map(|(frame, message)| Warning::new(frame, message));
         let repeated = self.clock.repetitions();
-        let repeated =
-            repeated.map(|(frame, from, message)| Warning::fault(frame, [from, whole[1]], message));
+        let repeated = repeated.map(|(frame, from, message, is_fault)| Warning {
+            is_fault,
+            ..Warning::fault(frame, [from, whole[1]], message)
+        });
         rates.into_iter().chain(backwards).chain(repeated).collect()
+    }
+
+    /// Where attitudes and angular velocities disagree that agree on the whole.
+    fn of_spin(&self, last: u64, whole: [f64; 2]) -> Vec<Warning> {
+        let parted = self.spins.parted();
+        let parted = parted.map(|(message, span)| Warning::fault(last, span, message));
+        let empty = self.spins.empty();
+        let empty = empty.map(|(message, first)| Warning::fault(last, [first, whole[1]], message));
+        let scatters = self.spins.scatters();
+        let scatters = scatters.map(|message| Warning::fault(last, whole, message));
+        // What is missing is told once.
+        empty.or(parted).into_iter().chain(scatters).collect()
     }
 
     /// What no fall of a person does over the `whole` flight (s), up to frame `last`.
@@ -282,10 +323,14 @@ impl Watch {
             is_fault,
             ..Warning::fault(last, whole, message)
         });
-        let jump = self.paths.velocity_jump().map(|(message, time)| Warning {
-            span_s: Some([time, time]),
-            ..Warning::new(last, message)
-        });
+        let jump = self
+            .paths
+            .velocity_jump()
+            .map(|(message, time, is_fault)| Warning {
+                span_s: Some([time, time]),
+                is_fault,
+                ..Warning::new(last, message)
+            });
         rises.into_iter().chain(fast).chain(jump).collect()
     }
 
@@ -307,7 +352,11 @@ impl Watch {
     fn rates(&self) -> Option<(u64, String)> {
         let (frame, fastest) = self.fastest.filter(|_| self.is_turning())?;
         let (scale, correlation) = (self.global.scale(), self.global.correlation());
-        let is_near = if correlation > ALIKE {
+        let is_even = self.even.correlation() > EVEN;
+        let scale = if is_even { self.even.scale() } else { scale };
+        let is_near = if is_even {
+            (scale - 1.0).abs() < EVEN_APART
+        } else if correlation > ALIKE {
             (scale - 1.0).abs() < RATES_APART
         } else {
             (0.5..2.0).contains(&scale)

@@ -40,6 +40,7 @@ pub(super) fn print(estimation: &Estimation) {
                 ))
         ));
     }
+    terminal::note_warnings(&report.warnings);
     let flags = report.flags;
     terminal::print(&format!(
         "updates with faults: posture {}, measurement {}, update {}, covariance {}, motion {}, rate {}; inconsistent {}, restarted {}",

@@ -1,0 +1,273 @@
+//! Postures that no body takes: joints bent the wrong way or turned round, sides that are crossed or copied. Single frames
+//! prove nothing; if it is most of a recording, an axis, a sign, a label or a side is wrong.
+
+use bodyflight_core::{Posture, Segment, SegmentArray};
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::plausibility::SAME;
+use super::warning::Warning;
+use crate::xsens::xsens_from_segment;
+
+/// Share of the frames in which a posture is impossible that proves it wrong, and the fewest such frames.
+const SHARE: f64 = 0.5;
+const LEAST: u64 = 3;
+/// Angle (rad) by which no knee is bent forwards.
+const KNEE: f64 = 0.2;
+/// Cosine of a rotation against the parent that neck, trunk, ankle and wrist do not reach.
+const ROUND: f64 = -0.35;
+/// Sine of the angle by which no thigh is bent backwards.
+const THIGH: f64 = 0.9;
+/// Distance by which a knee or an elbow is beyond that of the other side, in lengths of the thigh or the upper arm, less the
+/// distance of hips or shoulders: legs and arms cross less.
+const KNEES: f64 = 0.45;
+const ELBOWS: f64 = 1.45;
+
+/// Which way the segment's distal end, and its front, point in the axes of its parent: x left, y dorsal, z cranial.
+fn down(posture: &Posture<f64>, segment: Segment) -> Vector3<f64> {
+    posture.parent_from_segment(segment) * -Vector3::z()
+}
+
+fn front(posture: &Posture<f64>, segment: Segment) -> Vector3<f64> {
+    posture.parent_from_segment(segment) * -Vector3::y()
+}
+
+/// How far the right one's distal end is left of the left one's, in lengths.
+fn crosses(posture: &Posture<f64>, left: Segment) -> f64 {
+    down(posture, left.mirrored()).x - down(posture, left).x
+}
+
+fn either(left: Segment, is_wrong: impl Fn(Segment) -> bool) -> bool {
+    is_wrong(left) || is_wrong(left.mirrored())
+}
+
+/// What a body cannot do: the segment concerned, in words, and whether a posture does it.
+type Check = (Segment, &'static str, fn(&Posture<f64>) -> bool);
+
+const CHECKS: [Check; 8] = [
+    (
+        Segment::LeftShank,
+        "the knees are bent forwards",
+        |posture| {
+            // The heel goes backwards, which is dorsal.
+            either(Segment::LeftShank, |shank| {
+                down(posture, shank).y < -KNEE.sin()
+            })
+        },
+    ),
+    (Segment::LeftThigh, "a thigh is bent backwards", |posture| {
+        either(Segment::LeftThigh, |thigh| down(posture, thigh).y > THIGH)
+    }),
+    (Segment::LeftFoot, "a foot points backwards", |posture| {
+        either(Segment::LeftFoot, |foot| -front(posture, foot).y < ROUND)
+    }),
+    (
+        Segment::LeftHand,
+        "a wrist is bent beyond its range",
+        |posture| either(Segment::LeftHand, |hand| -down(posture, hand).z < ROUND),
+    ),
+    (
+        Segment::Head,
+        "the head is turned round on the neck",
+        |posture| -front(posture, Segment::Head).y < ROUND,
+    ),
+    (
+        Segment::Thorax,
+        "the chest is turned round against the pelvis",
+        |posture| {
+            let turned = posture.parent_from_segment(Segment::Abdomen)
+                * posture.parent_from_segment(Segment::Thorax);
+            (turned * Vector3::y()).y < ROUND
+        },
+    ),
+    (
+        Segment::LeftShank,
+        "the left knee is right of the right knee",
+        |posture| crosses(posture, Segment::LeftThigh) > KNEES,
+    ),
+    (
+        Segment::LeftForearm,
+        "the left elbow is right of the right elbow",
+        |posture| crosses(posture, Segment::LeftUpperArm) > ELBOWS,
+    ),
+];
+
+/// Segments of the left side that are compared with their counterparts.
+const LEFT: [Segment; 4] = [
+    Segment::LeftUpperArm,
+    Segment::LeftForearm,
+    Segment::LeftThigh,
+    Segment::LeftShank,
+];
+
+/// The attitude of a segment against the pelvis in MVN's axes, in which a copied one is the same.
+fn as_recorded(
+    turned: &SegmentArray<UnitQuaternion<f64>>,
+    segment: Segment,
+) -> UnitQuaternion<f64> {
+    turned[segment] * xsens_from_segment(segment).quaternion().inverse()
+}
+
+/// What has been seen of the postures.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Anatomy {
+    frames: u64,
+    wrong: [u64; CHECKS.len()],
+    last: Option<SegmentArray<UnitQuaternion<f64>>>,
+    moving: [u64; LEFT.len()],
+    copied: [u64; LEFT.len()],
+}
+
+impl Anatomy {
+    /// Takes the posture of a good frame, and the same relative to the pelvis.
+    pub(super) fn see(
+        &mut self,
+        posture: &Posture<f64>,
+        turned: &SegmentArray<UnitQuaternion<f64>>,
+    ) {
+        self.frames += 1;
+        for (count, (_, _, is_wrong)) in self.wrong.iter_mut().zip(CHECKS) {
+            *count += u64::from(is_wrong(posture));
+        }
+        let last = self.last.replace(*turned);
+        let differs = |a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>| {
+            (a.coords - b.coords)
+                .amax()
+                .min((a.coords + b.coords).amax())
+                > SAME
+        };
+        for (place, left) in LEFT.into_iter().enumerate() {
+            // Two segments at rest may well be parallel.
+            let moves = (last.as_ref()).is_some_and(|last| differs(&last[left], &turned[left]));
+            self.moving[place] += u64::from(moves);
+            let [own, other] = [left, left.mirrored()].map(|own| as_recorded(turned, own));
+            self.copied[place] += u64::from(moves && !differs(&own, &other));
+        }
+    }
+
+    /// What most of the recording shows, which ends with this frame at this time (s).
+    pub(super) fn warnings(&self, last: (u64, f64)) -> Vec<Warning> {
+        let is_most = |count: u64, of: u64| {
+            #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+            let share = count as f64 / of.max(1) as f64;
+            count >= LEAST && share > SHARE
+        };
+        let fault = |segment: Segment, message: String| Warning {
+            segment: Some(segment.name().to_owned()),
+            ..Warning::fault(last.0, [0.0, last.1], message)
+        };
+        let wrong = self.wrong.iter().zip(CHECKS);
+        let wrong = wrong.filter(|(count, _)| is_most(**count, self.frames));
+        let wrong = wrong.map(|(count, (segment, said, _))| {
+            let message = format!(
+                "{said} in {count} of {} frames: an axis, a sign, a label or a side is wrong",
+                self.frames
+            );
+            fault(segment, message)
+        });
+        let copied = self.copied.iter().zip(self.moving).zip(LEFT);
+        let copied = copied.filter(|((count, moving), _)| is_most(**count, *moving));
+        let copied = copied.map(|((count, _), left)| {
+            let message = format!(
+                "{} has exactly the attitude of {} in {count} of {} frames: one is a copy of the other",
+                left.name(),
+                left.mirrored().name(),
+                self.frames
+            );
+            fault(left, message)
+        });
+        wrong.chain(copied).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bodyflight_core::body::pattern;
+
+    /// What is said of a movement about a posture, which `change` spoils in a share of its frames.
+    fn said(share: usize, change: impl Fn(Posture<f64>) -> Posture<f64>) -> Vec<String> {
+        let mut seen = Anatomy::default();
+        for index in 0..100_usize {
+            let swing = 0.2 * (index as f64 / 9.0).sin();
+            let neutral = pattern::neutral::<f64>();
+            let moved = pattern::moved(
+                &neutral,
+                &[(Segment::LeftThigh, [swing, swing, swing])],
+                1.0,
+            );
+            let moved = pattern::moved(&moved, &[(Segment::LeftUpperArm, [0.0, swing, 0.0])], 1.0);
+            let posture = if index < share { change(moved) } else { moved };
+            seen.see(&posture, &posture.body_from_segments());
+        }
+        seen.warnings((99, 0.99))
+            .into_iter()
+            .map(|warning| warning.message)
+            .collect()
+    }
+
+    fn turned(segment: Segment, angles: [f64; 3]) -> impl Fn(Posture<f64>) -> Posture<f64> {
+        move |posture| pattern::moved(&posture, &[(segment, angles)], 1.0)
+    }
+
+    fn exchanged(posture: Posture<f64>, left: Segment) -> Posture<f64> {
+        let right = left.mirrored();
+        let [one, other] = [left, right].map(|own| *posture.parent_from_segment(own));
+        posture.with(left, other).with(right, one)
+    }
+
+    fn copied(posture: Posture<f64>) -> Posture<f64> {
+        let left = *posture.parent_from_segment(Segment::LeftThigh);
+        posture.with(Segment::RightThigh, left)
+    }
+
+    #[test]
+    fn what_no_body_does_is_named_if_it_is_most_of_the_recording() {
+        let half = std::f64::consts::PI;
+        let knee = turned(Segment::RightShank, [0.0, 0.0, 1.6]);
+        assert_eq!(said(100, |posture| posture), Vec::<String>::new());
+        assert_eq!(said(45, &knee), Vec::<String>::new());
+        for (said, what) in [
+            (
+                said(60, &knee),
+                "the knees are bent forwards in 60 of 100 frames",
+            ),
+            (
+                said(100, turned(Segment::Head, [half, 0.0, 0.0])),
+                "the head is turned round",
+            ),
+            (
+                said(100, turned(Segment::Thorax, [half, 0.0, 0.0])),
+                "the chest is turned round",
+            ),
+            (
+                said(100, turned(Segment::LeftFoot, [half, 0.0, 0.0])),
+                "a foot points backwards",
+            ),
+            (
+                said(100, turned(Segment::LeftHand, [0.0, 0.0, half])),
+                "a wrist is bent",
+            ),
+            (
+                said(100, turned(Segment::RightThigh, [0.0, 0.0, -1.5])),
+                "a thigh is bent backwards",
+            ),
+            (
+                said(100, |posture| exchanged(posture, Segment::LeftThigh)),
+                "the left knee is right",
+            ),
+            (
+                said(100, |posture| exchanged(posture, Segment::LeftUpperArm)),
+                "the left elbow is right",
+            ),
+            (
+                said(100, copied),
+                "l_thigh has exactly the attitude of r_thigh in 99 of 100",
+            ),
+        ] {
+            assert!(
+                said.iter().any(|said| said.contains(what)),
+                "{what}: {said:?}"
+            );
+        }
+    }
+}
