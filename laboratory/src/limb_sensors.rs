@@ -172,7 +172,7 @@ impl LimbSensors {
         let moving = |index: usize, slipped: UnitQuaternion<f64>, errors: &SensorErrors| {
             let time = flown.time(index);
             let (attitude, at) = flown.instant(index)?.point(flown.body, worn, &place);
-            let tissue = errors.tissue_at(time);
+            let tissue = errors.tissue_at(time, ground::liveliness(time));
             Some((attitude * tissue * slipped * errors.segment_from_sensor, at))
         };
         for index in (0..count).step_by(STRIDE) {
@@ -294,7 +294,7 @@ impl Streams {
     }
 
     /// The mapping: columns, windows of the calibration, and the sensors.
-    fn mapping(&self) -> String {
+    pub fn mapping(&self) -> String {
         let mut text = String::from("kind = \"imu\"\n\n[columns]\ntime = \"time_s\"\n");
         // Writing to a String cannot fail.
         let _ = writeln!(text, "angular_velocity = {:?}", &COLUMNS[1..4]);

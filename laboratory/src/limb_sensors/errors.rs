@@ -82,7 +82,7 @@ impl SensorErrors {
         let vector = |own: &mut ChaCha8Rng, size: f64| normal(own) * size;
         let wave = |own: &mut ChaCha8Rng| Wave {
             size: normal(own) * (sizes.tissue * (2.0 / 3.0_f64).sqrt()),
-            frequency: std::f64::consts::TAU * own.random_range(0.2..2.5),
+            frequency: std::f64::consts::TAU * own.random_range(0.2..2.0),
             phase: own.random_range(0.0..std::f64::consts::TAU),
         };
         // Strapped on anyhow: any heading, and up to a radian of tilt.
@@ -106,10 +106,10 @@ impl SensorErrors {
         }
     }
 
-    /// Turn of the sensor on its segment.
-    pub(super) fn tissue_at(&self, time: f64) -> UnitQuaternion<f64> {
+    /// Turn of the sensor on its segment; `share` of it acts, as a person who stands still hardly moves soft tissue.
+    pub(super) fn tissue_at(&self, time: f64, share: f64) -> UnitQuaternion<f64> {
         let waves = self.waves.iter();
-        let turn = waves.fold(Vector3::zeros(), |sum, wave| {
+        let turn = share * waves.fold(Vector3::zeros(), |sum, wave| {
             sum + wave.size * (wave.frequency * time + wave.phase).sin()
         });
         rotation_by(&turn)

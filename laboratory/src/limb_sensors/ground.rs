@@ -145,6 +145,11 @@ pub(super) fn tray(time: f64) -> Option<(Vector3<f64>, UnitQuaternion<f64>)> {
     Some((axis * rate, rotation_by(&(axis * (full * smooth(place))))))
 }
 
+/// Share of the usual motion of soft tissue: little while the person stands still.
+pub(super) fn liveliness(time: f64) -> f64 {
+    0.03 + 0.97 * smooth(time - 52.0)
+}
+
 /// From 0 to 1 with steady rates at both ends.
 fn smooth(place: f64) -> f64 {
     let place = place.clamp(0.0, 1.0);
