@@ -96,7 +96,10 @@ fn errors(worn: &Worn, frames: &[FlightFrame]) -> Errors {
     }
     let root = |square: f64| (square / count).sqrt().to_degrees();
     Errors {
-        actual: squares.iter().map(|(s, square)| (*s, root(*square))).collect(),
+        actual: squares
+            .iter()
+            .map(|(s, square)| (*s, root(*square)))
+            .collect(),
         stated: limbs.map(|s| (s, worn.deviation[s].to_degrees())).collect(),
         direction: root(directions),
         tilt: root(tilts),
@@ -104,7 +107,12 @@ fn errors(worn: &Worn, frames: &[FlightFrame]) -> Errors {
 }
 
 /// The sensors of a set in a flight, by the errors of a seed.
-fn streams(frames: &[FlightFrame], count: usize, seed: u64, fault: Option<(Segment, Fault)>) -> Streams {
+fn streams(
+    frames: &[FlightFrame],
+    count: usize,
+    seed: u64,
+    fault: Option<(Segment, Fault)>,
+) -> Streams {
     let sensors = LimbSensors {
         seed,
         segments: of_size(count).expect("a set"),
@@ -116,7 +124,14 @@ fn streams(frames: &[FlightFrame], count: usize, seed: u64, fault: Option<(Segme
 
 #[test]
 fn measured_table() {
-    for name in ["vertical", "rotations", "transitions", "exit-and-tracking", "aggressive-turns", "layouts"] {
+    for name in [
+        "vertical",
+        "rotations",
+        "transitions",
+        "exit-and-tracking",
+        "aggressive-turns",
+        "layouts",
+    ] {
         for count in [16, 10, 8, 5] {
             let mut rows = Vec::new();
             for seed in 1..=3 {

@@ -5,6 +5,7 @@
 
 mod errors;
 mod ground;
+mod track;
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -22,11 +23,14 @@ use rand::rngs::ChaCha8Rng;
 use errors::SensorErrors;
 pub use errors::Sizes;
 use ground::Ground;
+pub use track::Fix;
 
 /// Folder of the files, below that of the flight.
 pub const FOLDER: &str = "sensors";
 /// Name of the mapping.
 pub const MAPPING_FILE: &str = "mapping.toml";
+/// Name of the receiver's track.
+pub const TRACK_FILE: &str = "TRACK.CSV";
 /// Frames of the flight for one sample.
 const STRIDE: usize = 2;
 
@@ -79,6 +83,8 @@ pub struct Streams {
     pub sensors: Vec<(Segment, Vec<Row>)>,
     /// Begin of the flight (s).
     pub flight_s: f64,
+    /// A receiver's track of the flight.
+    pub track: Vec<Fix>,
 }
 
 /// Attitude and place of the pelvis with the posture, at an instant.
@@ -146,6 +152,7 @@ impl LimbSensors {
         Streams {
             sensors: sensors.collect(),
             flight_s: ground::DURATION,
+            track: track::of(&mut random, frames),
         }
     }
 
@@ -153,6 +160,7 @@ impl LimbSensors {
         Streams {
             sensors: self.segments.iter().map(|s| (*s, Vec::new())).collect(),
             flight_s: ground::DURATION,
+            track: Vec::new(),
         }
     }
 
@@ -290,6 +298,7 @@ impl Streams {
             }
             file.finish()?;
         }
+        track::write(&self.track, &folder.join(TRACK_FILE))?;
         write_file(&folder.join(MAPPING_FILE), self.mapping().as_bytes())
     }
 
@@ -305,6 +314,7 @@ impl Streams {
         }
         let _ = writeln!(text, "turns_s = {:?}", ground::TURNS);
         let _ = writeln!(text, "\n[flight]\nbegin_s = {:?}", self.flight_s);
+        let _ = writeln!(text, "gnss = \"{TRACK_FILE}\"");
         for (segment, _) in &self.sensors {
             let name = segment.name();
             let _ = writeln!(text, "\n[sensors.{name}]\nfile = \"{name}.csv\"");

@@ -1,11 +1,13 @@
 //! `bodyflight import`: the motion of another system as a recording, with a picture of its first frame.
 
+mod knees;
 mod print;
+pub mod sensors;
 
 use std::path::{Path, PathBuf};
 
 use bodyflight_core::frame::Vector;
-use bodyflight_core::{Body, Posture, Segment};
+use bodyflight_core::{Body, Segment};
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -23,6 +25,7 @@ use bodyflight_replay::subject::{SEGMENTS_FILE, Subject};
 
 use crate::inspect::activity::Activities;
 use crate::inspect::picture::first_frame;
+use knees::Knees;
 
 /// Name of the picture file.
 const PICTURE_FILE: &str = "first-frame.svg";
@@ -36,8 +39,6 @@ pub const FILES: &[&str] = &[
     RECORDING_FILE,
     PICTURE_FILE,
 ];
-/// If the knees are bent the wrong way by more than this (rad) in more than half of the frames, the mapping is wrong.
-const KNEE: f64 = 0.2;
 /// Relative difference allowed between the thigh lengths of source and subject.
 const THIGH: f64 = 0.15;
 /// Lowest frame rate that can follow a body in flight (Hz).
@@ -101,6 +102,10 @@ pub struct MappedSegment {
     pub segment: &'static str,
     /// Name in the source.
     pub source: Option<String>,
+    /// Standard deviation of its orientation relative to the pelvis about an axis (deg), if the source is of sensors
+    /// whose errors are known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub deviation_deg: Option<f64>,
 }
 
 /// A marker that slipped along the skin and stays there.
@@ -185,24 +190,16 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
     let (knees, drawn) = write_recording(request, &mut source, &body, has_places, progress)?;
     // The same checks as in any other verb.
     let recording = request.folder.join(RECORDING_FILE);
-    let seen = match seen(request, &recording, &body) {
-        Ok(seen) => seen,
-        Err(problem) => {
-            std::fs::remove_file(&recording)
-                .map_err(|error| Problem::system("remove", &recording, error))?;
-            return Err(Problem::bad_input(format!(
-                "no flight can be made of it: {}",
-                problem.message
-            ))
+    let seen = seen_or_removed(request.has_subject, (&recording, None), &body).map_err(|problem| {
+        problem
             .in_file(request.file)
-            .help("check the units and axes of its positions and its rate: [world] and [time] in the mapping"));
-        }
-    };
+            .help("check the units and axes of its positions and its rate: [world] and [time] in the mapping")
+    })?;
     let picture = request.folder.join(PICTURE_FILE);
     if let Some(drawing) = drawn {
         write_file(&picture, drawing.as_bytes())?;
     }
-    let flight = write_flight(request)?;
+    let flight = write_flight(request.subject, request.folder, "")?;
     let (mut warnings, mut doubts) = warnings(request, &source, &knees, has_places);
     warnings.extend(seen.warnings.iter().map(ToString::to_string));
     doubts.extend(seen.faults());
@@ -220,6 +217,7 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
             .map(|(segment, name)| MappedSegment {
                 segment: segment.name(),
                 source: name.clone(),
+                deviation_deg: None,
             })
             .collect(),
         warnings,
@@ -299,9 +297,30 @@ impl Seen {
     }
 }
 
-fn seen(request: &Request<'_>, recording: &Path, body: &Body<f64>) -> Result<Seen> {
-    let mut frames =
-        Frames::open(recording, None, Options::default())?.of_person(body, request.has_subject);
+/// What the recording shows; it is removed if no flight can be made of it.
+fn seen_or_removed(
+    has_subject: bool,
+    (recording, track): (&Path, Option<&Path>),
+    body: &Body<f64>,
+) -> Result<Seen> {
+    let problem = match seen(has_subject, (recording, track), body) {
+        Ok(seen) => return Ok(seen),
+        Err(problem) => problem,
+    };
+    std::fs::remove_file(recording).map_err(|error| Problem::system("remove", recording, error))?;
+    Err(Problem::bad_input(format!(
+        "no flight can be made of it: {}",
+        problem.message
+    )))
+}
+
+fn seen(
+    has_subject: bool,
+    (recording, track): (&Path, Option<&Path>),
+    body: &Body<f64>,
+) -> Result<Seen> {
+    let frames = Frames::open(recording, track, Options::default())?;
+    let mut frames = frames.of_person(body, has_subject);
     let mut activities = Activities::default();
     let mut picture = None;
     for frame in frames.by_ref() {
@@ -340,25 +359,6 @@ fn flight_frame(source: &mut Source, place: usize) -> Result<FlightFrame> {
     })
 }
 
-/// Counts frames in which a knee is bent the wrong way.
-#[derive(Debug, Default)]
-struct Knees {
-    frames: u64,
-    wrong: u64,
-}
-
-impl Knees {
-    fn see(&mut self, posture: &Posture<f64>) {
-        let is_wrong = |shank: Segment| {
-            let down = posture.parent_from_segment(shank) * -Vector3::z();
-            // The heel goes backwards, which is dorsal.
-            down.y < -KNEE.sin()
-        };
-        self.frames += 1;
-        self.wrong += u64::from(is_wrong(Segment::LeftShank) || is_wrong(Segment::RightShank));
-    }
-}
-
 /// Remarks about the source, and those among them that contradict it.
 fn warnings(
     request: &Request<'_>,
@@ -390,12 +390,7 @@ fn warnings(
             source.timing.rate
         ));
     }
-    if !request.has_subject {
-        warnings.push(format!(
-            "no subject was given: a person of {:.0} kg with equipment is written to subject.toml",
-            request.subject.body().mass()
-        ));
-    }
+    warnings.extend(no_subject(request.has_subject, request.subject));
     let own = request.subject.body().segments[Segment::LeftThigh].length;
     if let Some(thigh) = source.thigh_m
         && ((thigh / own) - 1.0).abs() > THIGH
@@ -409,11 +404,20 @@ fn warnings(
     (warnings, doubts)
 }
 
-/// Writes the person, and the `flight.toml` that ties the files together.
-fn write_flight(request: &Request<'_>) -> Result<PathBuf> {
-    request.subject.write_in(request.folder)?;
-    let path = request.folder.join("flight.toml");
-    let text = "recording = \"flight.mvnx\"\nsubject = \"subject.toml\"\n";
+fn no_subject(has_subject: bool, subject: &Subject) -> Option<String> {
+    (!has_subject).then(|| {
+        format!(
+            "no subject was given: a person of {:.0} kg with equipment is written to subject.toml",
+            subject.body().mass()
+        )
+    })
+}
+
+/// Writes the person, and the `flight.toml` that ties the files together, with further fields.
+fn write_flight(subject: &Subject, folder: &Path, more: &str) -> Result<PathBuf> {
+    subject.write_in(folder)?;
+    let path = folder.join("flight.toml");
+    let text = format!("recording = \"flight.mvnx\"\nsubject = \"subject.toml\"\n{more}");
     write_file(&path, text.as_bytes())?;
     Ok(path)
 }

@@ -80,6 +80,8 @@ struct Sensor<T: Real> {
     link: Option<Link<T>>,
     /// Attitude and rate at the begin of the window.
     begin: (UnitQuaternion<T>, Vector3<T>),
+    /// The last force (m/s2, reference axes).
+    force: Vector3<T>,
     /// Integral of the force over the window (m/s, reference axes).
     pushed: Vector3<T>,
     /// Whether a sample of the window was lost.
@@ -110,6 +112,8 @@ pub struct SuitPosture<T: Real> {
     pub inertial_from_body: Rotation<T, Inertial, BodyFrame>,
     /// Angular velocity of the pelvis (rad/s, body axes).
     pub angular_velocity: Vector3<T>,
+    /// Specific force at the sensor of the pelvis (m/s2, inertial axes).
+    pub specific_force: Vector3<T>,
     /// The segments relative to the pelvis.
     pub orientations: SegmentArray<Orientation<T>>,
 }
@@ -142,6 +146,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
                 watch: Watch::new(one.range),
                 link: link(one, fitted, body),
                 begin: (UnitQuaternion::identity(), Vector3::zeros()),
+                force: Vector3::zeros(),
                 pushed: Vector3::zeros(),
                 has_lost: false,
                 turned: Vector3::zeros(),
@@ -368,6 +373,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
             return SuitPosture {
                 inertial_from_body: Rotation::identity(),
                 angular_velocity: Vector3::zeros(),
+                specific_force: Vector3::zeros(),
                 orientations: filled(&measured),
             };
         };
@@ -396,6 +402,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
         SuitPosture {
             inertial_from_body: Rotation::from_quaternion(reference_from_body),
             angular_velocity: mounted * pelvis.strapdown.rate(),
+            specific_force: pelvis.force,
             orientations: filled(&measured),
         }
     }
@@ -419,7 +426,8 @@ impl<T: Real> Sensor<T> {
         self.strapdown.advance(&rate, duration);
         let attitude = self.strapdown.reference_from_sensor;
         if let Some(reading) = reading {
-            self.pushed += attitude * reading.specific_force * duration;
+            self.force = attitude * reading.specific_force;
+            self.pushed += self.force * duration;
         } else {
             self.has_lost = true;
         }

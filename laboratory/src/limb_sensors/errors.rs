@@ -109,9 +109,10 @@ impl SensorErrors {
     /// Turn of the sensor on its segment; `share` of it acts, as a person who stands still hardly moves soft tissue.
     pub(super) fn tissue_at(&self, time: f64, share: f64) -> UnitQuaternion<f64> {
         let waves = self.waves.iter();
-        let turn = share * waves.fold(Vector3::zeros(), |sum, wave| {
-            sum + wave.size * (wave.frequency * time + wave.phase).sin()
-        });
+        let turn = share
+            * waves.fold(Vector3::zeros(), |sum, wave| {
+                sum + wave.size * (wave.frequency * time + wave.phase).sin()
+            });
         rotation_by(&turn)
     }
 

@@ -124,13 +124,15 @@ pub struct Windows {
 }
 
 /// The flight (s, by the sensors' clock).
-#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlightWindow {
     /// The exit; by default the end of the calibration.
     pub begin_s: Option<f64>,
     /// By default the end of the recording.
     pub end_s: Option<f64>,
+    /// A receiver's track of the flight, whose velocities the flight then has. Relative to the mapping's folder.
+    pub gnss: Option<PathBuf>,
 }
 
 /// One sensor.
@@ -185,7 +187,12 @@ impl ImuMapping {
         if head.and_then(|head| head.kind).as_deref() != Some(KIND) {
             return Ok(None);
         }
-        Self::parse(&text, path).map(Some)
+        let mut mapping = Self::parse(&text, path)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        if let Some(track) = &mut mapping.flight.gnss {
+            *track = folder.join(&track);
+        }
+        Ok(Some(mapping))
     }
 
     /// Same as [`ImuMapping::read`], for text already read from `path`.
