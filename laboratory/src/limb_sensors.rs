@@ -180,7 +180,7 @@ impl LimbSensors {
         let moving = |index: usize, slipped: UnitQuaternion<f64>, errors: &SensorErrors| {
             let time = flown.time(index);
             let (attitude, at) = flown.instant(index)?.point(flown.body, worn, &place);
-            let tissue = errors.tissue_at(time, ground::liveliness(time));
+            let tissue = errors.tissue_at(time, ground::liveliness(worn, time));
             Some((attitude * tissue * slipped * errors.segment_from_sensor, at))
         };
         for index in (0..count).step_by(STRIDE) {

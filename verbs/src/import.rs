@@ -190,7 +190,7 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
     let (knees, drawn) = write_recording(request, &mut source, &body, has_places, progress)?;
     // The same checks as in any other verb.
     let recording = request.folder.join(RECORDING_FILE);
-    let seen = seen_or_removed(request.has_subject, (&recording, None), &body).map_err(|problem| {
+    let seen = seen_or_removed(request.has_subject, &recording, &body).map_err(|problem| {
         problem
             .in_file(request.file)
             .help("check the units and axes of its positions and its rate: [world] and [time] in the mapping")
@@ -298,12 +298,8 @@ impl Seen {
 }
 
 /// What the recording shows; it is removed if no flight can be made of it.
-fn seen_or_removed(
-    has_subject: bool,
-    (recording, track): (&Path, Option<&Path>),
-    body: &Body<f64>,
-) -> Result<Seen> {
-    let problem = match seen(has_subject, (recording, track), body) {
+fn seen_or_removed(has_subject: bool, recording: &Path, body: &Body<f64>) -> Result<Seen> {
+    let problem = match seen(has_subject, recording, body) {
         Ok(seen) => return Ok(seen),
         Err(problem) => problem,
     };
@@ -314,12 +310,8 @@ fn seen_or_removed(
     )))
 }
 
-fn seen(
-    has_subject: bool,
-    (recording, track): (&Path, Option<&Path>),
-    body: &Body<f64>,
-) -> Result<Seen> {
-    let frames = Frames::open(recording, track, Options::default())?;
+fn seen(has_subject: bool, recording: &Path, body: &Body<f64>) -> Result<Seen> {
+    let frames = Frames::open(recording, None, Options::default())?;
     let mut frames = frames.of_person(body, has_subject);
     let mut activities = Activities::default();
     let mut picture = None;

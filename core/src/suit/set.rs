@@ -381,7 +381,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
         let body_from_reference = reference_from_body.inverse();
         let of_body = matrix(&reference_from_body);
         for (index, sensor) in self.sensors.iter().enumerate() {
-            if index == root || matches!(sensor.watch.fault(), Some(Fault::Dead | Fault::Slipped)) {
+            if index == root || matches!(self.fault(index), Some(Fault::Dead | Fault::Slipped)) {
                 continue;
             }
             let reference_from_segment = sensor.reference_from_segment();
@@ -409,9 +409,45 @@ impl<T: Real, const N: usize> Suit<T, N> {
 
     /// The worst fault of each sensor that has one, in the order of the sensors.
     pub fn faults(&self) -> impl Iterator<Item = (Segment, Fault)> {
-        self.sensors
-            .iter()
-            .filter_map(|sensor| Some((sensor.fitted.segment, sensor.watch.fault()?)))
+        let each = self.sensors.iter().enumerate();
+        each.filter_map(|(index, sensor)| Some((sensor.fitted.segment, self.fault(index)?)))
+    }
+
+    fn fault(&self, index: usize) -> Option<Fault> {
+        let watch = &self.sensors.get(index)?.watch;
+        if watch.is_dead() {
+            return Some(Fault::Dead);
+        }
+        if self.has_slipped(index) {
+            return Some(Fault::Slipped);
+        }
+        watch.fault()
+    }
+
+    /// Whether a sensor slipped. Of two that disagree it is the one that also disagrees with another, or else the outer
+    /// one; it is the pelvis if all its neighbours disagree with it.
+    fn has_slipped(&self, index: usize) -> bool {
+        let Some(sensor) = self.sensors.get(index) else {
+            return false;
+        };
+        let Some(link) = sensor.link else {
+            return self.pelvis_slipped(index);
+        };
+        let is_inner_one = self
+            .sensors
+            .get(link.parent)
+            .is_some_and(|parent| match parent.link {
+                Some(_) => parent.watch.is_suspect(),
+                None => self.pelvis_slipped(link.parent),
+            });
+        sensor.watch.disagrees() && !is_inner_one
+    }
+
+    fn pelvis_slipped(&self, index: usize) -> bool {
+        let linked = |sensor: &&Sensor<T>| sensor.link.is_some_and(|link| link.parent == index);
+        let mut neighbours = self.sensors.iter().filter(linked);
+        let all = neighbours.clone().count();
+        all > 1 && neighbours.all(|sensor| sensor.watch.disagrees())
     }
 }
 

@@ -10,6 +10,8 @@ const SATURATED: f64 = 0.98;
 /// Time constant over which mismatches with the neighbour are averaged (s), and the mean from which the sensor slipped.
 const SLIP_TIME: f64 = 4.0;
 const SLIPPED: f64 = 5.0;
+/// Mean from which a neighbour is suspected of the slip.
+const SUSPECT: f64 = 3.0;
 /// Largest mismatch that counts for the mean: a single blow is no slip.
 const LARGEST_MISMATCH: f64 = 15.0;
 
@@ -78,15 +80,22 @@ impl<T: Real> Watch<T> {
         self.silent >= T::of(DEAD)
     }
 
-    /// The worst fault.
+    /// Whether it feels another force than its neighbour; either of them slipped.
+    pub fn disagrees(&self) -> bool {
+        self.mismatch > T::of(SLIPPED)
+    }
+
+    /// Whether it did so too often for its neighbour's sake alone.
+    pub fn is_suspect(&self) -> bool {
+        self.mismatch > T::of(SUSPECT)
+    }
+
+    /// The worst fault that the sensor shows by itself.
     pub fn fault(&self) -> Option<Fault> {
         if self.is_dead() {
-            Some(Fault::Dead)
-        } else if self.mismatch > T::of(SLIPPED) {
-            Some(Fault::Slipped)
-        } else {
-            self.has_saturated.then_some(Fault::Saturated)
+            return Some(Fault::Dead);
         }
+        self.has_saturated.then_some(Fault::Saturated)
     }
 }
 
@@ -124,10 +133,10 @@ mod tests {
         watch.take(Some(&reading(1.0)), 0.01);
         assert_eq!(watch.fault(), Some(Fault::Saturated));
         watch.mismatched(1e9, 0.2);
-        assert_eq!(watch.fault(), Some(Fault::Saturated));
+        assert!(!watch.disagrees() && !watch.is_suspect());
         for _ in 0..20 {
             watch.mismatched(12.0, 0.2);
         }
-        assert_eq!(watch.fault(), Some(Fault::Slipped));
+        assert!(watch.disagrees() && watch.is_suspect());
     }
 }

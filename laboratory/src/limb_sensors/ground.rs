@@ -23,7 +23,8 @@ pub(super) const WINDOWS: [(&str, [f64; 2]); 4] = [
 ];
 /// Three full turns of the tray about each of its axes (s).
 pub(super) const TURNS: [[f64; 2]; 3] = [[10.0, 18.0], [18.0, 26.0], [26.0, 34.0]];
-/// When the sensors have left the tray (s).
+/// When the sensors are taken from the tray, and when they are worn (s).
+const TAKEN: f64 = 34.5;
 const WORN: f64 = 38.0;
 
 /// Tilt of each segment about the left axis, forwards positive (degrees), and the errors of a person's upright pose: tilt
@@ -135,7 +136,10 @@ pub(super) fn tray(time: f64) -> Option<(Vector3<f64>, UnitQuaternion<f64>)> {
         .into_iter()
         .find(|([from, to], _)| (*from..*to).contains(&time));
     let Some(([from, to], axis)) = turning else {
-        return Some((Vector3::zeros(), UnitQuaternion::identity()));
+        // Handled while they are put on.
+        let angle = 2.0 * (time - TAKEN).max(0.0);
+        let rate = if time > TAKEN { 2.0 } else { 0.0 };
+        return Some((Vector3::y() * rate, rotation_by(&(Vector3::y() * angle))));
     };
     // Rests a second at either end.
     let (begin, length) = (from + 1.0, to - from - 2.0);
@@ -145,9 +149,13 @@ pub(super) fn tray(time: f64) -> Option<(Vector3<f64>, UnitQuaternion<f64>)> {
     Some((axis * rate, rotation_by(&(axis * (full * smooth(place))))))
 }
 
-/// Share of the usual motion of soft tissue: little while the person stands still.
-pub(super) fn liveliness(time: f64) -> f64 {
-    0.03 + 0.97 * smooth(time - 52.0)
+/// Share of the usual motion of soft tissue: little while the person stands still, and on the bones of the trunk.
+pub(super) fn liveliness(segment: Segment, time: f64) -> f64 {
+    let share = match segment {
+        Segment::Pelvis | Segment::Abdomen | Segment::Thorax | Segment::Head => 0.2,
+        _ => 1.0,
+    };
+    share * (0.03 + 0.97 * smooth(time - 52.0))
 }
 
 /// From 0 to 1 with steady rates at both ends.

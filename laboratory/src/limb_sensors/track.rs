@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use bodyflight_core::frame::Vector;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::files::write_file;
 use bodyflight_mvnx::recording::FlightFrame;
@@ -14,6 +15,8 @@ use super::errors::normal;
 /// Solutions in a second, and standard deviations of the velocity, horizontal and vertical (m/s).
 const RATE: f64 = 5.0;
 const VELOCITY: [f64; 2] = [0.1, 0.2];
+/// Time before and after the flight, at the velocity of its begin and end (s).
+const AROUND: f64 = 4.0;
 /// Length of a degree of latitude (m), and latitude and longitude of the begin (degrees).
 const DEGREE: f64 = 111_320.0;
 const BEGIN: [f64; 2] = [46.0, 8.0];
@@ -28,17 +31,24 @@ pub struct Fix {
 
 pub(super) fn of(random: &mut ChaCha8Rng, frames: &[FlightFrame]) -> Vec<Fix> {
     let mut track = Vec::new();
-    for frame in frames {
-        let due = track.len() as f64 / RATE;
-        let (Some(velocity), true) = (frame.pelvis.velocity, frame.time >= due - 1e-9) else {
-            continue;
-        };
+    let (Some(first), Some(last)) = (frames.first(), frames.last()) else {
+        return track;
+    };
+    let mut frame = first;
+    let mut rest = frames.iter().peekable();
+    while track.len() as f64 / RATE <= last.time + 2.0 * AROUND {
+        let time = track.len() as f64 / RATE - AROUND;
+        while let Some(next) = rest.next_if(|next| next.time <= time + 1e-9) {
+            frame = next;
+        }
+        let velocity = frame.pelvis.velocity.unwrap_or_else(Vector::zero);
+        let velocity = velocity.components;
         let [level, up] = VELOCITY;
         let noise = normal(random).component_mul(&Vector3::new(level, level, up));
         track.push(Fix {
-            time: frame.time,
-            place: frame.pelvis.position.components,
-            velocity: velocity.components + noise,
+            time: time + AROUND,
+            place: frame.pelvis.position.components + velocity * (time - frame.time),
+            velocity: velocity + noise,
         });
     }
     track

@@ -1,7 +1,7 @@
 //! Raw inertial sensors on the limbs as a recording, with the errors of its segments.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use bodyflight_core::air::STANDARD_GRAVITY;
 use bodyflight_core::frame::Vector;
@@ -10,9 +10,10 @@ use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
 use bodyflight_io::interrupt;
 use bodyflight_mocap::imu::mapping::ImuMapping;
-use bodyflight_mocap::imu::worn::{Frame, Worn, sensors, worn};
-use bodyflight_mvnx::recording::{FlightFrame, PelvisMotion};
+use bodyflight_mocap::imu::worn::{Worn, sensors, worn};
+use bodyflight_mvnx::recording::{FlightFrame, Options, PelvisMotion};
 use bodyflight_mvnx::writer::{Description, Origin, Writer};
+use bodyflight_replay::frames::Frames;
 use bodyflight_replay::subject::Subject;
 use nalgebra::Vector3;
 
@@ -54,10 +55,17 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
     let worn = worn(request.mapping, &streams, &body, &mut each).map_err(in_path)?;
     std::fs::create_dir_all(request.folder)
         .map_err(|error| Problem::system("create", request.folder, error))?;
-    write_recording(request, &worn)?;
     let recording = request.folder.join(RECORDING_FILE);
+    match &request.mapping.flight.gnss {
+        None => write_recording(request, &worn, None)?,
+        Some(track) => {
+            write_recording(request, &worn, Some(&inertial(&worn)))?;
+            let velocities = aligned(&recording, track)?;
+            write_recording(request, &worn, Some(&velocities))?;
+        }
+    }
     let seen = seen_or_removed(request.has_subject, &recording, &body).map_err(in_path)?;
-    let more = flight_fields(request.mapping, &worn.deviation)?;
+    let more = segment_errors(&worn.deviation);
     let flight = write_flight(request.subject, request.folder, &more)?;
     let mut warnings = worn.notes.clone();
     warnings.extend(no_subject(request.has_subject, request.subject));
@@ -106,84 +114,89 @@ fn mapped(mapping: &ImuMapping, worn: &Worn) -> Vec<MappedSegment> {
     each.collect()
 }
 
-fn write_recording(request: &Request<'_>, worn: &Worn) -> Result<()> {
+/// Writes the recording; `velocities` are those of the pelvis in each frame (m/s), if they are known.
+fn write_recording(
+    request: &Request<'_>,
+    worn: &Worn,
+    velocities: Option<&[Vector3<f64>]>,
+) -> Result<()> {
     let name = request.path.file_name().unwrap_or_default();
     let name = name.to_string_lossy();
     let body = request.subject.body();
-    let has_track = request.mapping.flight.gnss.is_some();
     let description = Description {
         subject_label: "Imported".to_owned(),
         frame_rate: worn.rate_hz,
         start_unix_ms: 0,
         comment: format!("bodyflight import {name}"),
         origin: Origin::Imported {
-            has_places: has_track,
+            has_places: velocities.is_some(),
         },
     };
     let mut writer = Writer::create(&request.folder.join(RECORDING_FILE), description, &body)?;
-    let mut inertial = Inertial::default();
-    for (index, frame) in (0..).zip(&worn.frames) {
-        let written = flight_frame(index, frame, worn.rate_hz, &mut inertial, has_track);
+    let mut place = Vector3::zeros();
+    for (index, (time, seen)) in worn.frames.iter().enumerate() {
+        let velocity = velocities.and_then(|all| all.get(index)).copied();
+        place += velocity.unwrap_or_default() / worn.rate_hz;
+        let turn = seen.inertial_from_body.quaternion() * seen.angular_velocity;
+        let posture = seen.posture();
         if index == 0 {
-            let attitude = written.pelvis.inertial_from_body;
-            let drawing = limbs::svg(&name, &body, &written.posture, attitude);
+            let drawing = limbs::svg(&name, &body, &posture, seen.inertial_from_body);
             write_file(&request.folder.join(PICTURE_FILE), drawing.as_bytes())?;
         }
-        writer.write(&written)?;
+        writer.write(&FlightFrame {
+            index: index as u64,
+            time: *time,
+            posture,
+            pelvis: PelvisMotion {
+                inertial_from_body: seen.inertial_from_body,
+                position: Vector::from_components(place),
+                velocity: velocity.map(Vector::from_components),
+                angular_velocity: Some(Vector::from_components(turn)),
+            },
+            centre_of_mass: None,
+            bridged: false,
+        })?;
     }
     writer.finish()
 }
 
-/// Velocity and place by integration. They drift as a suit's do, and serve to find the shift between the clocks of sensors
-/// and receiver, whose velocities then replace them.
-#[derive(Default)]
-struct Inertial {
-    velocity: Vector3<f64>,
-    place: Vector3<f64>,
+/// Velocities by integration of the forces (m/s). They drift as a suit's do, and serve to find the shift between the
+/// clocks of sensors and receiver.
+fn inertial(worn: &Worn) -> Vec<Vector3<f64>> {
+    let mut velocity = Vector3::zeros();
+    let each = worn.frames.iter().map(|(_, seen)| {
+        velocity += (seen.specific_force - Vector3::z() * STANDARD_GRAVITY) / worn.rate_hz;
+        velocity
+    });
+    each.collect()
 }
 
-fn flight_frame(
-    index: u64,
-    (time, seen): &Frame,
-    rate_hz: f64,
-    inertial: &mut Inertial,
-    has_track: bool,
-) -> FlightFrame {
-    let fall = seen.specific_force - Vector3::z() * STANDARD_GRAVITY;
-    inertial.velocity += fall / rate_hz;
-    inertial.place += inertial.velocity / rate_hz;
-    let turn = seen.inertial_from_body.quaternion() * seen.angular_velocity;
-    FlightFrame {
-        index,
-        time: *time,
-        posture: seen.posture(),
-        pelvis: PelvisMotion {
-            inertial_from_body: seen.inertial_from_body,
-            position: Vector::from_components(if has_track {
-                inertial.place
-            } else {
-                Vector3::zeros()
-            }),
-            velocity: has_track.then(|| Vector::from_components(inertial.velocity)),
-            angular_velocity: Some(Vector::from_components(turn)),
-        },
-        centre_of_mass: None,
-        bridged: false,
-    }
+/// Velocities of the receiver's track on the clock of the recording and in its axes (m/s). The recording is removed if
+/// the two cannot be aligned.
+fn aligned(recording: &Path, track: &Path) -> Result<Vec<Vector3<f64>>> {
+    let read = || {
+        let frames = Frames::open(recording, Some(track), Options::default())?;
+        let velocity = |frame: Result<FlightFrame>| {
+            let velocity = frame?.pelvis.velocity;
+            Ok(velocity.unwrap_or_else(Vector::zero).components)
+        };
+        frames.map(velocity).collect::<Result<Vec<Vector3<f64>>>>()
+    };
+    read().map_err(|problem: Problem| {
+        // The problem with the track matters more than one with the removal.
+        let _ = std::fs::remove_file(recording);
+        problem.at("field flight.gnss").help(
+            "the track must be of this flight, with some seconds on either side, and the flight must change its fall rate or turn",
+        )
+    })
 }
 
-/// The receiver's track, and the errors of the segments.
-fn flight_fields(mapping: &ImuMapping, deviation: &SegmentArray<f64>) -> Result<String> {
-    let mut text = String::new();
-    if let Some(track) = &mapping.flight.gnss {
-        let track: PathBuf =
-            std::fs::canonicalize(track).map_err(|error| Problem::system("read", track, error))?;
-        // Writing to a String cannot fail.
-        let _ = writeln!(text, "gnss = {:?}", track.display().to_string());
-    }
-    let _ = writeln!(text, "\n[suit.segments_deg]");
+/// The errors of the segments, as a table of `flight.toml`.
+fn segment_errors(deviation: &SegmentArray<f64>) -> String {
+    let mut text = String::from("\n[suit.segments_deg]\n");
     for (segment, deviation) in deviation.iter().skip(1) {
+        // Writing to a String cannot fail.
         let _ = writeln!(text, "{} = {:.1}", segment.name(), deviation.to_degrees());
     }
-    Ok(text)
+    text
 }

@@ -19,6 +19,8 @@ const MARGIN: f64 = 0.3;
 const BENT: f64 = 40.0;
 /// Largest angle between up at the pelvis in two poses that are the same (degrees).
 const SAME: f64 = 15.0;
+/// Turn between two pieces that ends a rest (degrees): a sensor that was taken up and put down again.
+const TURNED: f64 = 5.0;
 /// Longest march (s).
 const MARCH: f64 = 15.0;
 
@@ -63,11 +65,11 @@ pub(super) fn completed(
         [one, other] => one.up.angle(&other.up).to_degrees() > BENT,
         _ => false,
     });
-    // The last bend before the flight whose end is upright again, or the end of the rests.
+    // The last bend before the flight after which the person stands as before: otherwise upright and bent could be
+    // mistaken for each other.
     let is_upright = |place: usize| {
-        let after = rests.get(place + 2);
-        let up = rests.get(place).map(|rest| rest.up);
-        after.is_none_or(|after| up.is_some_and(|up| up.angle(&after.up).to_degrees() < SAME))
+        let same = rests.get(place).zip(rests.get(place + 2));
+        same.is_some_and(|(one, other)| one.up.angle(&other.up).to_degrees() < SAME)
     };
     let place = bends
         .map(|(place, _)| place)
@@ -76,7 +78,7 @@ pub(super) fn completed(
     let poses = place.and_then(|place| Some((place, rests.get(place)?, rests.get(place + 1)?)));
     let Some((place, upright, bent)) = poses else {
         let message = format!(
-            "no calibration was found: expected a rest upright, then one bent forwards by more than {BENT} degrees, each of {SHORTEST} s; found {} rests of all sensors",
+            "no calibration was found: expected a rest upright, then one bent forwards by more than {BENT} degrees, each of {SHORTEST} s; then upright again; found {} rests of all sensors",
             rests.len()
         );
         return Err(Problem::bad_input(message)
@@ -128,8 +130,17 @@ fn rests(sensors: &[(Segment, Stream)], until: Option<f64>) -> Vec<Still> {
     let mut found: Vec<Still> = Vec::new();
     let mut open: Option<[f64; 2]> = None;
     let mut piece = begin;
+    let mut before = None;
     while piece + PIECE <= end {
         let window = [piece, piece + PIECE];
+        let up = up(sensors, window);
+        let turned = before
+            .zip(up)
+            .map(|(before, up): (Vector3<f64>, _)| before.angle(&up));
+        before = up;
+        if let Some(done) = open.take_if(|_| turned.is_none_or(|a| a.to_degrees() > TURNED)) {
+            close(done, sensors, &mut found);
+        }
         let still = sensors.iter().all(|(_, stream)| {
             let mut rest = Rest::default();
             stream
@@ -158,16 +169,17 @@ fn close(window: [f64; 2], sensors: &[(Segment, Stream)], found: &mut Vec<Still>
     if window[1] - window[0] < SHORTEST {
         return;
     }
-    let pelvis = sensors
-        .iter()
-        .find(|(segment, _)| *segment == Segment::Pelvis);
-    let mut rest = Rest::default();
-    if let Some((_, stream)) = pelvis {
-        stream
-            .within(window)
-            .for_each(|(_, reading)| rest.take(reading));
-    }
-    if let Some(up) = rest.up() {
+    if let Some(up) = up(sensors, window) {
         found.push(Still { window, up });
     }
+}
+
+/// Direction of up in the axes of the pelvis' sensor.
+fn up(sensors: &[(Segment, Stream)], window: [f64; 2]) -> Option<Vector3<f64>> {
+    let mut rest = Rest::default();
+    let (_, stream) = sensors.iter().find(|(s, _)| *s == Segment::Pelvis)?;
+    stream
+        .within(window)
+        .for_each(|(_, reading)| rest.take(reading));
+    rest.up()
 }
