@@ -22,6 +22,11 @@ use super::{
     write_flight,
 };
 
+/// Time over which the drift of integrated velocities is averaged, on either side (s).
+const SLOW: f64 = 0.8;
+/// Name of a recording with integrated velocities, until they are replaced.
+const PROVISIONAL_FILE: &str = "integrated.mvnx";
+
 /// What to import.
 #[derive(Debug, Clone)]
 pub struct Request<'a> {
@@ -57,11 +62,14 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
         .map_err(|error| Problem::system("create", request.folder, error))?;
     let recording = request.folder.join(RECORDING_FILE);
     match &request.mapping.flight.gnss {
-        None => write_recording(request, &worn, None)?,
+        None => write_recording(request, &worn, None, &recording)?,
         Some(track) => {
-            write_recording(request, &worn, Some(&inertial(&worn)))?;
-            let velocities = aligned(&recording, track)?;
-            write_recording(request, &worn, Some(&velocities))?;
+            let provisional = request.folder.join(PROVISIONAL_FILE);
+            let inertial = inertial(&worn);
+            write_recording(request, &worn, Some(&inertial), &provisional)?;
+            let received = aligned(&provisional, track)?;
+            let velocities = joined(&inertial, &received, worn.rate_hz);
+            write_recording(request, &worn, Some(&velocities), &recording)?;
         }
     }
     let seen = seen_or_removed(request.has_subject, &recording, &body).map_err(in_path)?;
@@ -119,6 +127,7 @@ fn write_recording(
     request: &Request<'_>,
     worn: &Worn,
     velocities: Option<&[Vector3<f64>]>,
+    path: &Path,
 ) -> Result<()> {
     let name = request.path.file_name().unwrap_or_default();
     let name = name.to_string_lossy();
@@ -132,7 +141,7 @@ fn write_recording(
             has_places: velocities.is_some(),
         },
     };
-    let mut writer = Writer::create(&request.folder.join(RECORDING_FILE), description, &body)?;
+    let mut writer = Writer::create(path, description, &body)?;
     let mut place = Vector3::zeros();
     for (index, (time, seen)) in worn.frames.iter().enumerate() {
         let velocity = velocities.and_then(|all| all.get(index)).copied();
@@ -160,19 +169,54 @@ fn write_recording(
     writer.finish()
 }
 
-/// Velocities by integration of the forces (m/s). They drift as a suit's do, and serve to find the shift between the
-/// clocks of sensors and receiver.
+/// Velocities of the pelvis by integration of the forces on its sensor (m/s). They drift as a suit's do.
 fn inertial(worn: &Worn) -> Vec<Vector3<f64>> {
-    let mut velocity = Vector3::zeros();
+    let mut of_sensor = Vector3::zeros();
     let each = worn.frames.iter().map(|(_, seen)| {
-        velocity += (seen.specific_force - Vector3::z() * STANDARD_GRAVITY) / worn.rate_hz;
-        velocity
+        of_sensor += (seen.specific_force - Vector3::z() * STANDARD_GRAVITY) / worn.rate_hz;
+        let around = seen.angular_velocity.cross(&worn.pelvis_place);
+        of_sensor - seen.inertial_from_body.quaternion() * around
     });
     each.collect()
 }
 
-/// Velocities of the receiver's track on the clock of the recording and in its axes (m/s). The recording is removed if
-/// the two cannot be aligned.
+/// The receiver's velocities where they are slow, and those of the forces where they are fast: solutions of a receiver
+/// are too few and too noisy to tell what a body does within a second (m/s).
+fn joined(inertial: &[Vector3<f64>], received: &[Vector3<f64>], rate_hz: f64) -> Vec<Vector3<f64>> {
+    let drift = received
+        .iter()
+        .zip(inertial)
+        .map(|(one, other)| one - other);
+    let drift = averaged(&averaged(&drift.collect::<Vec<_>>(), rate_hz), rate_hz);
+    inertial
+        .iter()
+        .zip(&drift)
+        .map(|(velocity, drift)| velocity + drift)
+        .collect()
+}
+
+/// Means over [`SLOW`] on either side of each value, less at the ends.
+fn averaged(values: &[Vector3<f64>], rate_hz: f64) -> Vec<Vector3<f64>> {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "only some frames"
+    )]
+    let reach = (SLOW * rate_hz).round() as usize;
+    let mut sums = vec![Vector3::zeros()];
+    for value in values {
+        sums.push(sums.last().copied().unwrap_or_default() + value);
+    }
+    let mean = |at: usize| {
+        let reach = reach.min(at).min(values.len() - 1 - at);
+        let count = (2 * reach + 1) as f64;
+        (sums[at + reach + 1] - sums[at - reach]) / count
+    };
+    (0..values.len()).map(mean).collect()
+}
+
+/// Velocities of the receiver's track on the clock of the recording and in its axes (m/s). The recording is
+/// removed.
 fn aligned(recording: &Path, track: &Path) -> Result<Vec<Vector3<f64>>> {
     let read = || {
         let frames = Frames::open(recording, Some(track), Options::default())?;
@@ -182,9 +226,9 @@ fn aligned(recording: &Path, track: &Path) -> Result<Vec<Vector3<f64>>> {
         };
         frames.map(velocity).collect::<Result<Vec<Vector3<f64>>>>()
     };
-    read().map_err(|problem: Problem| {
-        // The problem with the track matters more than one with the removal.
-        let _ = std::fs::remove_file(recording);
+    let velocities = read();
+    std::fs::remove_file(recording).map_err(|error| Problem::system("remove", recording, error))?;
+    velocities.map_err(|problem: Problem| {
         problem.at("field flight.gnss").help(
             "the track must be of this flight, with some seconds on either side, and the flight must change its fall rate or turn",
         )

@@ -6,6 +6,7 @@ use bodyflight_core::suit::set::{SetError, Suit, SuitPosture};
 use bodyflight_core::suit::watch::Fault;
 use bodyflight_core::{Body, Posture, Segment, SegmentArray};
 use bodyflight_io::diagnostic::{Problem, Result};
+use nalgebra::Vector3;
 
 use super::calibration::{Calibrated, calibrated};
 use super::mapping::ImuMapping;
@@ -31,6 +32,8 @@ pub struct Worn {
     /// Standard deviation of each segment's orientation relative to the pelvis about an axis (rad), root of its mean
     /// square over the flight.
     pub deviation: SegmentArray<f64>,
+    /// Place of the sensor on the pelvis, in its frame (m).
+    pub pelvis_place: Vector3<f64>,
     /// Remarks.
     pub notes: Vec<String>,
     /// Faults of sensors.
@@ -114,6 +117,9 @@ pub fn worn(
     Ok(Worn {
         rate_hz,
         deviation: squares.map(|_, square| (square / flown).sqrt()),
+        pelvis_place: (calibrated.fitted.iter())
+            .find(|fitted| fitted.segment == Segment::Pelvis)
+            .map_or_else(Vector3::zeros, |fitted| fitted.place),
         doubts: suit.faults().map(said).collect(),
         frames,
         notes,
