@@ -52,12 +52,8 @@ pub enum Fault {
     Dead(f64),
     /// Turned about the vertical of the segment by an angle (rad) at this time of the flight (s).
     Slipped(f64, f64),
-    /// Rates are cut off at this value (rad/s).
+    /// Rates in the flight are cut off at this value (rad/s).
     Saturated(f64),
-    /// Samples are stamped late by this time (s).
-    Late(f64),
-    /// Worn by another segment.
-    Exchanged(Segment),
 }
 
 /// The sensors of a person.
@@ -170,17 +166,13 @@ impl LimbSensors {
         mut errors: SensorErrors,
         flown: &Flown<'_>,
     ) -> Vec<Row> {
-        let worn = match fault {
-            Some(Fault::Exchanged(other)) => other,
-            _ => segment,
-        };
-        let place = flown.body.segments[worn].cg + errors.misplaced;
+        let place = flown.body.segments[segment].cg + errors.misplaced;
         let count = flown.count();
         let mut rows = Vec::new();
         let moving = |index: usize, slipped: UnitQuaternion<f64>, errors: &SensorErrors| {
             let time = flown.time(index);
-            let (attitude, at) = flown.instant(index)?.point(flown.body, worn, &place);
-            let tissue = errors.tissue_at(time, ground::liveliness(worn, time));
+            let (attitude, at) = flown.instant(index)?.point(flown.body, segment, &place);
+            let tissue = errors.tissue_at(time, ground::liveliness(segment, time));
             Some((attitude * tissue * slipped * errors.segment_from_sensor, at))
         };
         for index in (0..count).step_by(STRIDE) {
@@ -211,14 +203,12 @@ impl LimbSensors {
                 }
             };
             let (mut rate, force) = errors.read(&rate, &force, time);
-            if let Some(Fault::Saturated(limit)) = fault {
+            if let Some(Fault::Saturated(limit)) = fault
+                && fall >= 0.0
+            {
                 rate = rate.map(|part| part.clamp(-limit, limit));
             }
-            let late = match fault {
-                Some(Fault::Late(delay)) => delay,
-                _ => 0.0,
-            };
-            rows.push((errors.stamp(time) + late, rate, force));
+            rows.push((errors.stamp(time), rate, force));
         }
         rows
     }

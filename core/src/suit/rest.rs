@@ -8,6 +8,8 @@ use crate::math::Real;
 
 /// Largest standard deviation of the angular velocity about an axis of a person who stands still (rad/s).
 pub const STILL_RATE: f64 = 0.12;
+/// Largest angular velocity of a sensor that rests: its bias (rad/s).
+pub const LARGEST_BIAS: f64 = 0.2;
 /// Largest difference of the mean specific force from gravity at rest (m/s2).
 pub const STILL_FORCE: f64 = 0.6;
 
@@ -74,11 +76,12 @@ impl<T: Real> Rest<T> {
         (self.rate_squares.iter().copied().fold(T::zero(), most) / count).root()
     }
 
-    /// Whether the sensor rested: hardly any change of rate, and a force like gravity's.
+    /// Whether the sensor rested: hardly any rate, and a force like gravity's.
     pub fn is_still(&self) -> bool {
         let force = self.force.norm_squared().root() - T::of(STANDARD_GRAVITY);
         self.count > 1
             && self.rate_deviation() < T::of(STILL_RATE)
+            && self.rate.norm_squared() < T::of(LARGEST_BIAS * LARGEST_BIAS)
             && force.abs() < T::of(STILL_FORCE)
     }
 }
@@ -108,6 +111,14 @@ mod tests {
         assert!((still.rate() - Vector3::new(0.01, -0.02, 0.005)).norm() < 1e-5);
         assert!((still.up().unwrap() - Vector3::y()).norm() < 1e-3);
         assert!(still.is_still() && !moving.is_still());
+        let mut turning = Rest::<f32>::default();
+        for _ in 0..100 {
+            turning.take(&Reading {
+                angular_velocity: Vector3::new(0.0, 3.0, 0.0),
+                specific_force: Vector3::new(0.0, 9.8, 0.0),
+            });
+        }
+        assert!(!turning.is_still(), "it turns steadily about the vertical");
         assert!(!Rest::<f32>::default().is_still());
     }
 }

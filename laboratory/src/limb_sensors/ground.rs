@@ -155,7 +155,8 @@ pub(super) fn liveliness(segment: Segment, time: f64) -> f64 {
         Segment::Pelvis | Segment::Abdomen | Segment::Thorax | Segment::Head => 0.2,
         _ => 1.0,
     };
-    share * (0.03 + 0.97 * smooth(time - 52.0))
+    let moves = smooth(time - 52.0) - smooth(time - 57.0) + smooth(time - 62.0);
+    share * (0.03 + 0.97 * moves)
 }
 
 /// From 0 to 1 with steady rates at both ends.

@@ -78,8 +78,8 @@ pub(super) fn completed(
     let poses = place.and_then(|place| Some((place, rests.get(place)?, rests.get(place + 1)?)));
     let Some((place, upright, bent)) = poses else {
         let message = format!(
-            "no calibration was found: expected a rest upright, then one bent forwards by more than {BENT} degrees, each of {SHORTEST} s; then upright again; found {} rests of all sensors",
-            rests.len()
+            "no calibration was found: expected a rest upright, then one bent forwards by more than {BENT} degrees, each of {SHORTEST} s; then upright again; found rests of all sensors at {}",
+            said(&rests)
         );
         return Err(Problem::bad_input(message)
             .at("table calibration")
@@ -113,6 +113,15 @@ pub(super) fn completed(
         },
     ));
     Ok(found)
+}
+
+/// The times of rests, in words.
+fn said(rests: &[Still]) -> String {
+    let times = rests.iter().map(|rest| {
+        let [from, to] = rest.window;
+        format!("{from:.1} to {to:.1} s")
+    });
+    times.collect::<Vec<_>>().join(", ")
 }
 
 fn inner([from, to]: [f64; 2]) -> [f64; 2] {

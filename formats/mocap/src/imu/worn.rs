@@ -185,7 +185,7 @@ fn said((segment, fault): (Segment, Fault)) -> String {
     match fault {
         Fault::Dead => format!("the sensor {name} sends nothing new at the end"),
         Fault::Slipped => format!(
-            "the sensor {name} feels another force than its neighbour: it slipped, is on another segment, or its clock is off"
+            "the sensor {name} feels another force than its neighbour: it slipped, or its clock is off"
         ),
         Fault::Saturated => {
             format!("the sensor {name} reached the end of its range: turns beyond it are lost")
