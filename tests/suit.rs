@@ -278,12 +278,12 @@ fn faults_of_a_sensor_are_named() {
             "it follows the rule"
         );
     }
-    let saturated = Some((Segment::Pelvis, Fault::Saturated(200.0_f64.to_radians())));
+    let saturated = Some((Segment::Pelvis, Fault::Saturated(60.0_f64.to_radians())));
     let streams = streams(&frames, 10, 4, saturated);
     let file = "file = \"pelvis.csv\"\n";
     let mapping = streams
         .mapping()
-        .replace(file, &format!("{file}range_dps = 200\n"));
+        .replace(file, &format!("{file}range_dps = 60\n"));
     let doubts = read(&streams, &mapping).expect("a calibrated set").doubts;
     assert!(
         doubts

@@ -15,6 +15,7 @@ pub mod mounting;
 pub mod placement;
 pub mod relative;
 pub mod rest;
+mod sensor;
 pub mod set;
 pub mod strapdown;
 pub mod tray;

@@ -5,14 +5,14 @@
 
 mod errors;
 mod ground;
+mod instant;
 mod track;
 
 use std::fmt::Write as _;
 use std::path::Path;
 
 use bodyflight_core::air::STANDARD_GRAVITY;
-use bodyflight_core::body::posture::pose;
-use bodyflight_core::{Body, Posture, Segment};
+use bodyflight_core::{Body, Segment};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::{CsvFile, write_file};
 use bodyflight_mvnx::recording::FlightFrame;
@@ -23,6 +23,7 @@ use rand::rngs::ChaCha8Rng;
 use errors::SensorErrors;
 pub use errors::Sizes;
 use ground::Ground;
+use instant::Instant;
 pub use track::Fix;
 
 /// Folder of the files, below that of the flight.
@@ -81,40 +82,6 @@ pub struct Streams {
     pub flight_s: f64,
     /// A receiver's track of the flight.
     pub track: Vec<Fix>,
-}
-
-/// Attitude and place of the pelvis with the posture, at an instant.
-#[derive(Debug, Clone, Copy)]
-struct Instant {
-    inertial_from_body: UnitQuaternion<f64>,
-    position: Vector3<f64>,
-    posture: Posture<f64>,
-}
-
-impl Instant {
-    fn of(frame: &FlightFrame) -> Self {
-        Self {
-            inertial_from_body: *frame.pelvis.inertial_from_body.quaternion(),
-            position: frame.pelvis.position.components,
-            posture: frame.posture,
-        }
-    }
-
-    /// Attitude and place of a point of a segment.
-    fn point(
-        &self,
-        body: &Body<f64>,
-        segment: Segment,
-        place: &Vector3<f64>,
-    ) -> (UnitQuaternion<f64>, Vector3<f64>) {
-        let posed = &pose(body, &self.posture)[segment];
-        let turned = self.posture.body_from_segments()[segment];
-        let at = posed.joint + turned * place;
-        (
-            self.inertial_from_body * turned,
-            self.position + self.inertial_from_body * at,
-        )
-    }
 }
 
 impl LimbSensors {

@@ -3,11 +3,11 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::fill::{Orientation, filled};
-use super::mounting::Mounting;
 use super::relative::{Comparison, Errors, Relative};
+pub use super::sensor::Fitted;
+use super::sensor::{Sensor, in_axes, link, matrix};
 use super::strapdown::{LONGEST_INTERVAL, Reading, Strapdown};
-use super::tray::Gyroscope;
-use super::watch::{Fault, Watch};
+use super::watch::Fault;
 use crate::air::STANDARD_GRAVITY;
 use crate::body::posture::Posture;
 use crate::body::{Body, Segment, SegmentArray};
@@ -18,10 +18,6 @@ use crate::math::{Real, normalized};
 const WINDOW: f64 = 0.2;
 /// Standard deviation of the mean force at a joint (m/s2), each axis: soft tissue, and what the joint's place is off.
 const FORCE: f64 = 1.0;
-/// Further share of the force that the lever arms cause.
-const LEVER: f64 = 0.3;
-/// The same for a pair with a segment without sensor between them.
-const FAR_LEVER: f64 = 0.6;
 /// Angle of the whole body after which turns are compared (rad), the longest time for it (s), and how far the joint
 /// turns meanwhile, standard deviation (rad).
 const FULL_TURN: f64 = core::f64::consts::TAU;
@@ -37,21 +33,6 @@ const TISSUE: f64 = 0.05;
 /// Error of the first attitude's tilt (rad).
 const TILT: f64 = 0.01;
 
-/// A sensor with its calibration.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fitted<T: Real> {
-    /// The segment that carries it.
-    pub segment: Segment,
-    /// Its place in the segment's frame (m).
-    pub place: Vector3<T>,
-    /// Its gyroscope.
-    pub gyroscope: Gyroscope<T>,
-    /// How it lies on the segment.
-    pub mounting: Mounting<T>,
-    /// Largest angular velocity that it can read (rad/s), if that is known.
-    pub range: Option<T>,
-}
-
 /// Why a set of sensors cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SetError {
@@ -61,36 +42,6 @@ pub enum SetError {
     Twice(Segment),
     /// More sensors than there is room for.
     TooMany,
-}
-
-/// A neighbour towards the pelvis: its index, and the common joint as seen from either sensor (m, sensor axes).
-#[derive(Debug, Clone, Copy)]
-struct Link<T: Real> {
-    parent: usize,
-    from_parent: Vector3<T>,
-    from_own: Vector3<T>,
-    lever: f64,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Sensor<T: Real> {
-    fitted: Fitted<T>,
-    strapdown: Strapdown<T>,
-    watch: Watch<T>,
-    link: Option<Link<T>>,
-    /// Attitude and rate at the begin of the window.
-    begin: (UnitQuaternion<T>, Vector3<T>),
-    /// The last force (m/s2, reference axes).
-    force: Vector3<T>,
-    /// Integral of the force over the window (m/s, reference axes).
-    pushed: Vector3<T>,
-    /// Whether a sample of the window was lost.
-    has_lost: bool,
-    /// Integral of the rate since turns were compared (rad, reference axes).
-    turned: Vector3<T>,
-    /// Attitude error (rad, reference axes) for an error of the scale of each axis, and the largest variance by it.
-    by_gain: Matrix3<T>,
-    gain_variance: Vector3<T>,
 }
 
 /// A set of up to `N` sensors.
@@ -140,19 +91,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
             if index(one.segment) != Some(place) {
                 return Err(SetError::Twice(one.segment));
             }
-            let sensor = Sensor {
-                fitted: *one,
-                strapdown: Strapdown::new(UnitQuaternion::identity()),
-                watch: Watch::new(one.range),
-                link: link(one, fitted, body),
-                begin: (UnitQuaternion::identity(), Vector3::zeros()),
-                force: Vector3::zeros(),
-                pushed: Vector3::zeros(),
-                has_lost: false,
-                turned: Vector3::zeros(),
-                by_gain: Matrix3::zeros(),
-                gain_variance: Vector3::zeros(),
-            };
+            let sensor = Sensor::new(*one, link(one, fitted, body));
             sensors.push(sensor).map_err(|_| SetError::TooMany)?;
         }
         let mut suit = Self {
@@ -449,84 +388,4 @@ impl<T: Real, const N: usize> Suit<T, N> {
         let all = neighbours.clone().count();
         all > 1 && neighbours.all(|sensor| sensor.watch.disagrees())
     }
-}
-
-impl<T: Real> Sensor<T> {
-    /// Takes a sample, or holds the last rate if it was lost.
-    fn take(&mut self, reading: Option<&Reading<T>>, duration: T) {
-        self.watch.take(reading, duration);
-        let rate = match reading {
-            Some(reading) => self.fitted.gyroscope.corrected(&reading.angular_velocity),
-            None => self.strapdown.rate(),
-        };
-        self.strapdown.advance(&rate, duration);
-        let attitude = self.strapdown.reference_from_sensor;
-        if let Some(reading) = reading {
-            self.force = attitude * reading.specific_force;
-            self.pushed += self.force * duration;
-        } else {
-            self.has_lost = true;
-        }
-        let turn = attitude * rate * duration;
-        self.turned += turn;
-        let matrix = matrix(&attitude);
-        for axis in 0..3 {
-            let mut column = self.by_gain.column_mut(axis);
-            column += matrix.column(axis) * (rate[axis] * duration);
-        }
-    }
-
-    /// Mean force over the window at a place relative to the sensor (m, sensor axes), and the part of it that its
-    /// distance causes: the change of the velocity there relative to the sensor (m/s2, reference axes).
-    fn force_at(&self, place: &Vector3<T>, window: T) -> (Vector3<T>, Vector3<T>) {
-        let (attitude, rate) = self.begin;
-        let before = attitude * rate.cross(place);
-        let now = self.strapdown.reference_from_sensor * self.strapdown.rate().cross(place);
-        let lever = (now - before) / window;
-        (self.pushed / window + lever, lever)
-    }
-
-    fn restart(&mut self) {
-        self.begin = (self.strapdown.reference_from_sensor, self.strapdown.rate());
-        self.pushed = Vector3::zeros();
-        self.has_lost = false;
-    }
-
-    fn reference_from_segment(&self) -> UnitQuaternion<T> {
-        let mounted = self.fitted.mounting.segment_from_sensor.inverse();
-        normalized(self.strapdown.reference_from_sensor.into_inner() * mounted.into_inner())
-    }
-}
-
-/// The next sensor towards the pelvis, and the joint between them.
-fn link<T: Real>(own: &Fitted<T>, all: &[Fitted<T>], body: &Body<T>) -> Option<Link<T>> {
-    let mut joint = body.segments[own.segment].joint_offset;
-    let mut segment = own.segment.parent()?;
-    let mut lever = LEVER;
-    let parent = loop {
-        if let Some(parent) = all.iter().position(|other| other.segment == segment) {
-            break parent;
-        }
-        lever = FAR_LEVER;
-        joint += body.segments[segment].joint_offset;
-        segment = segment.parent()?;
-    };
-    let other = all.get(parent)?;
-    let to_sensor = |fitted: &Fitted<T>| fitted.mounting.segment_from_sensor.inverse();
-    Some(Link {
-        parent,
-        from_parent: to_sensor(other) * (joint - other.place),
-        from_own: to_sensor(own) * -own.place,
-        lever,
-    })
-}
-
-fn matrix<T: Real>(rotation: &UnitQuaternion<T>) -> Matrix3<T> {
-    rotation.to_rotation_matrix().into_inner()
-}
-
-/// A covariance in the axes that a rotation comes from.
-fn in_axes<T: Real>(covariance: &Matrix3<T>, to: &UnitQuaternion<T>) -> Matrix3<T> {
-    let axes = matrix(to);
-    axes.transpose() * covariance * axes
 }

@@ -9,8 +9,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 
-use super::Instant;
 use super::errors::{Sizes, normal};
+use super::instant::Instant;
 
 /// Time from the first sample to the flight (s).
 pub(super) const DURATION: f64 = 66.0;

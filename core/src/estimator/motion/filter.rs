@@ -26,7 +26,6 @@ use super::trail::Trail;
 use super::transition::MotionSlope;
 use super::turned_back::TurnedBack;
 use super::watch::Watch;
-use crate::body::SegmentArray;
 use crate::body::posture::Posture;
 use crate::dynamics::applied_load::AppliedLoads;
 use crate::dynamics::{Dynamics, Motion, PostureSample, State};
@@ -195,19 +194,6 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
     /// Returns the wind and the gyroscope's bias as estimated, and their effect on the state's errors.
     pub fn constants(&self) -> &Constants<T> {
         &self.constants
-    }
-
-    /// Takes errors of segments, each on its own, in place of the preset's error of all joints: standard deviations
-    /// relative to the pelvis, each axis (rad). Call it before the first sample; inputs are unknown afterwards.
-    pub fn set_segment_errors(&mut self, deviations: &SegmentArray<T>) {
-        let one = self.process.joint_deviation();
-        self.posture_error
-            .set_segments(&deviations.map(|_, deviation| *deviation / one));
-        let (motion, posture) = (self.motion(), self.posture);
-        self.posture_error
-            .renew(&self.dynamics, &posture, &motion, &mut self.sample);
-        self.take_joint_errors(&motion);
-        self.forget_inputs();
     }
 
     /// Degree to which each axis is moved deliberately, 0 to 1: pitch, yaw, roll.
