@@ -320,7 +320,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
         let body_from_reference = reference_from_body.inverse();
         let of_body = matrix(&reference_from_body);
         for (index, sensor) in self.sensors.iter().enumerate() {
-            if index == root || matches!(self.fault(index), Some(Fault::Dead | Fault::Slipped)) {
+            if index == root || sensor.watch.is_dead() || self.has_slipped(index) {
                 continue;
             }
             let reference_from_segment = sensor.reference_from_segment();
@@ -354,13 +354,9 @@ impl<T: Real, const N: usize> Suit<T, N> {
 
     fn fault(&self, index: usize) -> Option<Fault> {
         let watch = &self.sensors.get(index)?.watch;
-        if watch.is_dead() {
-            return Some(Fault::Dead);
-        }
-        if self.has_slipped(index) {
-            return Some(Fault::Slipped);
-        }
-        watch.fault()
+        // A sensor that lost turns feels other forces too.
+        let slipped = || self.has_slipped(index).then_some(Fault::Slipped);
+        watch.fault().or_else(slipped)
     }
 
     /// Whether a sensor slipped. Of two that disagree it is the one that also disagrees with another, or else the outer
