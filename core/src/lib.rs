@@ -72,6 +72,7 @@ pub mod observation;
 pub mod sensor_noise;
 #[cfg(feature = "serde")]
 mod serialization;
+pub mod suit;
 #[cfg(test)]
 mod test_body;
 pub mod tolerances;

@@ -200,6 +200,20 @@ pub fn small_rotation<T: Real>(angle: &Vector3<T>) -> UnitQuaternion<T> {
     renormalized(nalgebra::Quaternion::from_parts(cosine, angle * half_sine))
 }
 
+/// Rotation by the vector `angle` (rad) of any length: exact, where [`small_rotation`] is a series.
+pub fn rotation_by<T: Real>(angle: &Vector3<T>) -> UnitQuaternion<T> {
+    let size = angle.norm_squared();
+    if size < T::of(0.25) {
+        return small_rotation(angle);
+    }
+    let size = size.root();
+    let (sine, cosine) = (size * T::of(0.5)).sine_cosine();
+    normalized(nalgebra::Quaternion::from_parts(
+        cosine,
+        angle * (sine / size),
+    ))
+}
+
 /// Normalises a nearly unit quaternion, such as a product of unit quaternions, by one Newton step without root or
 /// division. The norm is then 1 within 4e-9 plus rounding; quaternions further from unit norm are normalised in full.
 #[inline]
@@ -306,6 +320,8 @@ mod tests {
     fn small_rotations_follow_the_exponential() {
         for (size, limit) in [(0.03, 1e-12), (0.2, 1e-9), (0.5, 1e-6)] {
             let angle = Vector3::new(0.6, -0.48, 0.64) * size;
+            let exact = rotation_by(&(angle * 9.0)).angle_to(&UnitQuaternion::new(angle * 9.0));
+            assert!(exact < 1e-6, "{} rad: {exact}", 9.0 * size);
             let error = small_rotation(&angle).angle_to(&UnitQuaternion::new(angle));
             assert!(error < limit, "{size} rad: {error}");
         }

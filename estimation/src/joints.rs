@@ -3,10 +3,12 @@
 //! Errors about 45 joint axes change only the six components of the load at any time, and span about two dozen
 //! dimensions over a flight. The directions of joint error that matter are the principal axes of these loads.
 
-use bodyflight_core::body::Segment;
 use bodyflight_core::body::posture::Posture;
+use bodyflight_core::body::{Segment, SegmentArray};
 use bodyflight_core::dynamics::{Dynamics, Motion, PostureSample};
-use bodyflight_core::estimator::motion::posture_error::{JOINT_AXES, columns, covariance_of};
+use bodyflight_core::estimator::motion::posture_error::{
+    JOINT_AXES, columns, covariance_of, of_segments, with_turned_segments,
+};
 use bodyflight_core::math::small_rotation;
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -30,12 +32,16 @@ pub struct JointDirections {
     loads: Vec<Loads>,
     /// Covariances of the load if every axis has a deviation of 1 rad.
     covariances: Vec<SMatrix<f64, 6, 6>>,
+    /// Deviations of segments that are off each on its own, as multiples of 1 rad, instead of joints.
+    segments: Option<SegmentArray<f64>>,
 }
 
 impl JointDirections {
-    /// Computes the directions from the posture and motion at each sample of a flight.
+    /// Computes the directions from the posture and motion at each sample of a flight; `segments` are the deviations of
+    /// segments that are off each on its own, as multiples of 1 rad.
     pub fn new<'a>(
         dynamics: &Dynamics<f64>,
+        segments: Option<SegmentArray<f64>>,
         flight: impl Iterator<Item = (&'a Posture<f64>, &'a Motion<f64>)>,
     ) -> Self {
         let mut sample = PostureSample::blank();
@@ -43,7 +49,11 @@ impl JointDirections {
         let all: Vec<SMatrix<f64, 6, JOINT_AXES>> = flight
             .step_by(SAMPLES)
             .map(|(posture, motion)| {
-                let columns = columns(dynamics, posture, motion, &mut sample);
+                let joints = columns(dynamics, posture, motion, &mut sample);
+                let columns = match &segments {
+                    Some(deviations) => of_segments(&joints, posture, deviations),
+                    None => joints,
+                };
                 covariances.push(covariance_of(&columns));
                 SMatrix::from_columns(&columns)
             })
@@ -62,6 +72,7 @@ impl JointDirections {
             axes,
             loads,
             covariances,
+            segments,
         }
     }
 
@@ -80,7 +91,15 @@ impl JointDirections {
 
     /// The posture corrected for these errors (rad, along the directions).
     pub fn corrected(&self, posture: &Posture<f64>, errors: &Directions) -> Posture<f64> {
-        let turns = self.axes * errors;
+        let mut turns: SVector<f64, JOINT_AXES> = self.axes * errors;
+        if let Some(deviations) = &self.segments {
+            let all = deviations.values().skip(1);
+            for (joint, deviation) in all.enumerate() {
+                let mut turn = turns.fixed_rows_mut::<3>(3 * joint);
+                turn *= *deviation;
+            }
+            return with_turned_segments(posture, &turns);
+        }
         let joints = Segment::ALL.into_iter().skip(1).enumerate();
         joints.fold(*posture, |posture, (joint, segment)| {
             let turn = Vector3::new(turns[3 * joint], turns[3 * joint + 1], turns[3 * joint + 2]);

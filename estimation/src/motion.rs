@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use bodyflight_core::Real;
+use bodyflight_core::body::{SEGMENT_COUNT, SegmentArray};
 use bodyflight_core::dynamics::applied_load::AppliedLoads;
 use bodyflight_core::dynamics::muscle_input::MuscleModel;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
@@ -89,17 +90,24 @@ pub fn estimate(
         preset.noise = measured.noise(&preset.noise);
     }
     set_rate(&mut preset, measured.rate);
+    // What a preset or an option says of all joints replaces what the flight says of each segment.
+    let segments = flight.segment_errors.filter(|_| settings.find_joint_error);
+    let find_joint_error = settings.find_joint_error && segments.is_none();
+    if let Some(errors) = &segments {
+        preset.joint_error = root_mean_square(errors);
+    }
     let begin = Instant::now();
     let run = Run {
         flight,
         measured: &measured,
         dynamics: model.dynamics,
         applied: model.applied,
+        segments,
     };
-    if settings.find_joint_error {
+    if find_joint_error {
         preset.joint_error = run.joint_error(&preset)?;
     }
-    let implausible = settings.find_joint_error && preset.joint_error >= IMPLAUSIBLE.to_radians();
+    let implausible = find_joint_error && preset.joint_error >= IMPLAUSIBLE.to_radians();
     reached(0.0);
     let least = if implausible {
         Consistency::Doubtful
@@ -126,7 +134,7 @@ pub fn estimate(
         );
         estimation.report.doubt.get_or_insert(sentence);
     }
-    if settings.find_joint_error {
+    if find_joint_error {
         estimation.report.joint_error_source = Some(match preset.joint_error {
             least if least <= JOINT_ERRORS[0].to_radians() => JointErrorSource::Assumed,
             _ => JointErrorSource::Seen,
@@ -134,6 +142,14 @@ pub fn estimate(
     }
     estimation.report.warn(measured.warnings.clone());
     Ok(estimation)
+}
+
+/// Root of the mean square of the errors of all segments but the pelvis (rad).
+#[expect(clippy::cast_possible_truncation, reason = "a deviation")]
+fn root_mean_square(errors: &SegmentArray<f64>) -> f32 {
+    let squares = errors.values().skip(1).map(|error| error * error);
+    let joints = (SEGMENT_COUNT - 1) as f64;
+    (squares.sum::<f64>() / joints).sqrt() as f32
 }
 
 /// Sets the rate of the recording, keeping the preset's number of estimates a second.
@@ -166,6 +182,8 @@ struct Run<'a> {
     measured: &'a MeasuredFlight,
     dynamics: Dynamics<f64>,
     applied: AppliedLoads<f64>,
+    /// Standard deviation of each segment relative to the pelvis (rad), if the flight states them.
+    segments: Option<SegmentArray<f64>>,
 }
 
 /// Sums the log likelihood of the measurements.
@@ -209,6 +227,9 @@ impl Run<'_> {
             )
             .map_err(|error| Problem::bad_input(format!("the preset: {error}")))?,
         );
+        if let Some(errors) = &self.segments {
+            filter.set_segment_errors(&errors.map(|_, error| T::of(*error)));
+        }
         let applied = self.applied.cast::<T>();
         let mut last = first.time;
         for (index, instant) in instants.enumerate() {
@@ -364,6 +385,10 @@ impl Run<'_> {
             activity: awake(index.saturating_sub(1)),
         });
         let model = (&self.dynamics, &self.applied);
-        Whole::new(preset, model, samples.collect(), states).solve()
+        let all = f64::from(preset.joint_error);
+        let segments = self
+            .segments
+            .map(|errors| errors.map(|_, error| error / all));
+        Whole::new(preset, model, segments, samples.collect(), states).solve()
     }
 }

@@ -6,7 +6,6 @@
 //! and the next iteration starts. Between iterations the assumed noise adapts to the flight, within bounds, and axes
 //! become active where quiet input does not suffice.
 
-use bodyflight_core::Posture;
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::dynamics::applied_load::AppliedLoads;
 use bodyflight_core::dynamics::interval::Interval;
@@ -24,6 +23,7 @@ use bodyflight_core::estimator::motion::state::{
 };
 use bodyflight_core::estimator::motion::transition::{self, MotionSlope};
 use bodyflight_core::estimator::unscented::SettingsError;
+use bodyflight_core::{Posture, SegmentArray};
 use nalgebra::Vector3;
 
 use crate::assumed::Assumed;
@@ -93,17 +93,18 @@ struct Flown {
 }
 
 impl Whole {
-    /// Takes the samples of a flight, beginning with the start, and the filter's states at the end of each interval.
+    /// Takes the errors of segments as multiples of the preset's joint error, if there are any, the samples of a flight, beginning with the start, and the filter's states at the end of each interval.
     pub fn new(
         preset: &MotionPreset,
         (dynamics, applied): (&Dynamics<f64>, &AppliedLoads<f64>),
+        segments: Option<SegmentArray<f64>>,
         samples: Vec<Sample>,
         states: &[FlightState<f64>],
     ) -> Self {
         let flight = samples
             .iter()
             .map(|sample| (&sample.posture, &sample.motion));
-        let directions = JointDirections::new(dynamics, flight);
+        let directions = JointDirections::new(dynamics, segments, flight);
         let mut trajectory = Vec::with_capacity(states.len() + 1);
         if let (Some(first), Some(sample)) = (states.first(), samples.first()) {
             let motion = bodyflight_core::dynamics::State::from_motion(

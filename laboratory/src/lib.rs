@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 pub mod drawn;
+pub mod limb_sensors;
 pub mod outside;
 mod paths;
 pub mod sensor_bytes;

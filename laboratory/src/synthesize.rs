@@ -1,5 +1,6 @@
 //! `bodyflight synth`: simulates a maneuver with noisy sensors, and writes it as a recording.
 
+mod joints;
 mod request;
 mod tunnel;
 
@@ -8,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use bodyflight_core::Segment;
 use bodyflight_core::body::mass_properties::PostureRate;
-use bodyflight_core::body::posture::{Posture, joint_rotation};
+use bodyflight_core::body::posture::Posture;
 use bodyflight_core::dynamics::free_run::{Equations, FreeRun};
 use bodyflight_core::dynamics::muscle_input::{MuscleForces, MuscleModel};
 use bodyflight_core::dynamics::step::TIME_STEP;
@@ -33,7 +34,9 @@ use bodyflight_replay::flight::{DensityChoice, Flight};
 use bodyflight_replay::input_history::InputRow;
 use bodyflight_replay::subject::SEGMENTS_FILE;
 
+use crate::limb_sensors::{self, LimbSensors, Sizes, Streams};
 use crate::sensor_bytes::SensorBytes;
+use joints::{JointErrors, Sway};
 pub use request::{JointError, Request};
 pub use tunnel::Tunnel;
 
@@ -91,6 +94,8 @@ pub struct Additions<'a> {
     pub muscle_forces: MuscleForces,
     /// Lever arms of these forces as shares of the stature, instead of those of a body.
     pub lever_arms: Option<[f32; 4]>,
+    /// Segments with raw sensors, whose readings go into the folder `sensors`.
+    pub limbs: Option<&'static [Segment]>,
 }
 
 /// Same as [`synthesize`], with additions.
@@ -107,6 +112,7 @@ pub fn synthesize_with(
         sensor,
         muscle_forces,
         lever_arms,
+        limbs,
     } = additions;
     request.check()?;
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
@@ -153,6 +159,10 @@ pub fn synthesize_with(
         let bytes: Vec<u8> = sensor.of(&kept).into_iter().flat_map(|(_, b)| b).collect();
         write_file(&folder.join(SENSOR_FILE), &bytes)?;
     }
+    if let Some(segments) = limbs {
+        let streams = worn(request, &dynamics, segments)?;
+        streams.write_in(&folder.join(limb_sensors::FOLDER))?;
+    }
     write_inputs(request.maneuver, &folder.join("inputs.csv"))?;
     request.subject.write_in(folder)?;
     let path = folder.join("flight.toml");
@@ -168,6 +178,32 @@ pub fn synthesize_with(
         duration_s,
         tunnel,
     })
+}
+
+/// The readings of sensors on the limbs in the same flight, without the noise of the recording.
+fn worn(
+    request: &Request<'_>,
+    dynamics: &Dynamics<f64>,
+    segments: &'static [Segment],
+) -> Result<Streams> {
+    let exact = Request {
+        noise: SensorNoise::NONE,
+        joint_error: JointError::default(),
+        ..request.clone()
+    };
+    let mut frames = Vec::new();
+    let mut each = |frame: FlightFrame| {
+        frames.push(frame);
+        Ok(())
+    };
+    fly(&exact, dynamics, &mut each, &mut |_| {})?;
+    let sensors = LimbSensors {
+        seed: request.seed,
+        segments,
+        sizes: Sizes::TYPICAL,
+        fault: None,
+    };
+    Ok(sensors.of(&dynamics.body, &frames))
 }
 
 /// Flies the maneuver, passes every recorded frame to `each`, and returns the number of frames.
@@ -240,100 +276,6 @@ fn neutral_speed(dynamics: &Dynamics<f64>) -> f64 {
     let neutral = bodyflight_core::body::pattern::neutral();
     // A posture that cannot be trimmed still falls: belly flight settles at 50 m/s.
     trim(dynamics, &neutral, START_HEIGHT).map_or(50.0, |trim| trim.terminal_speed)
-}
-
-/// Slow involuntary motion of every joint: three sines per axis, with seeded frequencies and phases.
-struct Sway {
-    waves: Vec<(Segment, [[Wave; 3]; 3])>,
-}
-
-#[derive(Clone, Copy)]
-struct Wave {
-    /// Largest angle (rad).
-    amplitude: f64,
-    /// Angular frequency (rad/s).
-    frequency: f64,
-    phase: f64,
-}
-
-impl Sway {
-    fn new(random: &mut ChaCha8Rng, size: f64) -> Self {
-        let mut wave = || Wave {
-            amplitude: size * random.random_range(0.3..0.8),
-            frequency: std::f64::consts::TAU * random.random_range(0.1..0.9),
-            phase: random.random_range(0.0..std::f64::consts::TAU),
-        };
-        let mut axis = || [wave(), wave(), wave()];
-        let joints = Segment::ALL.into_iter().skip(1);
-        Self {
-            waves: joints
-                .map(|segment| (segment, [axis(), axis(), axis()]))
-                .collect(),
-        }
-    }
-
-    fn on(&self, posture: &Posture<f64>, time: f64) -> Posture<f64> {
-        self.waves
-            .iter()
-            .fold(*posture, |posture, (segment, axes)| {
-                let [psi, theta, phi] = axes.map(|waves| {
-                    waves
-                        .iter()
-                        .map(|w| w.amplitude * (w.frequency * time + w.phase).sin())
-                        .sum()
-                });
-                let joint = posture.parent_from_segment(*segment) * joint_rotation(psi, theta, phi);
-                posture.with(*segment, joint)
-            })
-    }
-}
-
-/// Errors of the recorded joints that are slower than noise.
-struct JointErrors {
-    errors: Vec<(Segment, [AxisError; 3])>,
-}
-
-#[derive(Clone, Copy)]
-struct AxisError {
-    constant: f64,
-    waves: [Wave; 2],
-}
-
-impl JointErrors {
-    /// Uses a separate random generator, so that a flight without joint errors stays bit-identical.
-    fn new(seed: u64, size: JointError) -> Self {
-        let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x6a6f_696e_7473);
-        let mut axis = || AxisError {
-            constant: size.calibration * random.sample::<f64, _>(StandardNormal),
-            waves: [(); 2].map(|()| Wave {
-                amplitude: size.wander * random.sample::<f64, _>(StandardNormal),
-                frequency: std::f64::consts::TAU * random.random_range(0.08..0.5),
-                phase: random.random_range(0.0..std::f64::consts::TAU),
-            }),
-        };
-        let mut axes = || [axis(), axis(), axis()];
-        let joints = Segment::ALL.into_iter().skip(1);
-        Self {
-            errors: joints.map(|segment| (segment, axes())).collect(),
-        }
-    }
-
-    fn on(&self, posture: &Posture<f64>, time: f64) -> Posture<f64> {
-        self.errors.iter().fold(*posture, |seen, (segment, axes)| {
-            let turn = axes.map(|error| {
-                let waves = error.waves.iter();
-                let wander: f64 = waves
-                    .map(|w| w.amplitude * (w.frequency * time + w.phase).sin())
-                    .sum();
-                error.constant + wander
-            });
-            if turn.iter().all(|angle| angle.abs() == 0.0) {
-                return seen;
-            }
-            let error = small_rotation(&Vector3::from(turn));
-            seen.with(*segment, seen.parent_from_segment(*segment) * error)
-        })
-    }
 }
 
 /// Sensors with their noise.

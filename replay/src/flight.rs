@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use bodyflight_core::SegmentArray;
 use bodyflight_core::aerodynamics::stream::Stream;
 use bodyflight_core::air::{Air, Density};
 use bodyflight_core::dynamics::free_run::Equations;
@@ -61,6 +62,8 @@ pub struct Flight {
     pub has_subject: bool,
     /// Tolerances of suit and subject.
     pub tolerances: Tolerances,
+    /// Standard deviation of each segment's orientation relative to the pelvis about an axis (rad), if it is stated.
+    pub segment_errors: Option<SegmentArray<f64>>,
 }
 
 /// How a free run gets its initial motion.
@@ -201,6 +204,7 @@ impl Flight {
             start: Start::default(),
             has_subject: false,
             tolerances: Tolerances::default(),
+            segment_errors: None,
         }
     }
 
@@ -269,6 +273,8 @@ impl Flight {
             has_subject: file.subject.is_some(),
             tolerances: tolerances(&file.suit, &file.tolerance)
                 .map_err(|(field, message)| at(field, message))?,
+            segment_errors: (file.suit.segment_errors())
+                .map_err(|message| at("suit.segments_deg", message))?,
         })
     }
 
@@ -366,6 +372,7 @@ impl AirTable {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bodyflight_core::Segment;
 
     fn parse(text: &str) -> Result<Flight> {
         Flight::parse(text, Path::new("flight.toml"))
@@ -389,6 +396,26 @@ mod tests {
             ..Tolerances::default()
         };
         assert_eq!(flight.tolerances, expected);
+    }
+
+    #[test]
+    fn errors_of_segments_are_those_of_the_file_and_go_outwards() {
+        let text = "recording = \"a.mvnx\"\n[suit]\nsegments_deg = { l_thigh = 6, thorax = 4 }";
+        let errors = parse(text).unwrap().segment_errors.unwrap();
+        for (segment, degrees) in [
+            (Segment::LeftThigh, 6.0),
+            (Segment::LeftFoot, 6.0),
+            (Segment::RightHand, 4.0),
+            (Segment::RightThigh, 0.1),
+        ] {
+            assert!((errors[segment].to_degrees() - degrees).abs() < 1e-9);
+        }
+        assert!(
+            parse("recording = \"a.mvnx\"")
+                .unwrap()
+                .segment_errors
+                .is_none()
+        );
     }
 
     #[test]
@@ -435,6 +462,14 @@ mod tests {
             (
                 "recording = \"a\"\n[suit]\njoint_deg = 99",
                 ["suit.joint_deg", "99"],
+            ),
+            (
+                "recording = \"a\"\n[suit]\nsegments_deg = { tail = 3 }",
+                ["suit.segments_deg", "tail"],
+            ),
+            (
+                "recording = \"a\"\n[suit]\nsegments_deg = { head = 0 }",
+                ["suit.segments_deg", "head: expected 0.1 to 90"],
             ),
             (
                 "recording = \"a\"\n[tolerance]\nmass = 0",

@@ -6,6 +6,8 @@
 //! wander_deg = 1.0         # wander of a joint about an axis
 //! wander_limit_deg = 5.0   # joint error, constant or wandering, at which the suit is no explanation
 //! bend = 0.03              # joint error proportional to the bend (fraction)
+//! segments_deg = { l_thigh = 5.0 }  # errors of segments relative to the pelvis about an axis, which `estimate` uses in
+//!                          # place of the joints'; a segment that is not named has that of its parent
 //!
 //! [tolerance]
 //! mass = 0.03              # body and each segment; this and the next three are fractions
@@ -16,7 +18,10 @@
 //! ```
 //! All but the limit are standard deviations. Omitted fields have these values.
 
+use std::collections::BTreeMap;
+
 use bodyflight_core::tolerances::Tolerances;
+use bodyflight_core::{Segment, SegmentArray};
 use serde::Deserialize;
 
 /// The table `[suit]`.
@@ -27,6 +32,45 @@ pub(super) struct SuitTable {
     wander_deg: Option<f64>,
     wander_limit_deg: Option<f64>,
     bend: Option<f64>,
+    segments_deg: Option<BTreeMap<String, f64>>,
+}
+
+/// Largest error of a segment (degrees).
+const LARGEST_SEGMENT_DEG: f64 = 90.0;
+/// Least error of a segment (degrees): nothing is exact.
+const LEAST_SEGMENT_DEG: f64 = 0.1;
+
+impl SuitTable {
+    /// Standard deviation of each segment relative to the pelvis (rad), if the table gives any; an error is what is wrong
+    /// with the field.
+    pub(super) fn segment_errors(&self) -> Result<Option<SegmentArray<f64>>, String> {
+        let Some(given) = &self.segments_deg else {
+            return Ok(None);
+        };
+        for (name, value) in given {
+            let is_limb = Segment::from_name(name).is_some_and(|s| s != Segment::Pelvis);
+            if !is_limb {
+                return Err(format!(
+                    "expected names of segments other than the pelvis, found \"{name}\""
+                ));
+            }
+            if !(LEAST_SEGMENT_DEG..=LARGEST_SEGMENT_DEG).contains(value) {
+                return Err(format!(
+                    "{name}: expected {LEAST_SEGMENT_DEG} to {LARGEST_SEGMENT_DEG}, found {value}"
+                ));
+            }
+        }
+        let mut found = SegmentArray::from_fn(|_| LEAST_SEGMENT_DEG.to_radians());
+        for segment in Segment::ALL {
+            let own = given.get(segment.name()).map(|value| value.to_radians());
+            if let (Some(parent), None) = (segment.parent(), own) {
+                found[segment] = found[parent];
+            } else if let Some(own) = own {
+                found[segment] = own;
+            }
+        }
+        Ok(Some(found))
+    }
 }
 
 /// The table `[tolerance]`.

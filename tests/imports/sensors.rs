@@ -200,3 +200,66 @@ fn postures_survive_folders_of_sensors() {
         );
     }
 }
+
+/// Raw sensors of a simulated jump give its postures back, and the estimate is consistent with their errors.
+#[test]
+fn raw_sensors_of_a_jump_are_imported_and_estimated() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let jump = plain(&folder.path().join("jump")).to_owned();
+    let out = plain(&folder.path().join("out")).to_owned();
+    PROGRAM.json(&[
+        "synth",
+        "transitions",
+        "--sensors",
+        "10",
+        "--seed",
+        "2",
+        "--out",
+        &jump,
+    ]);
+    let sensors = format!("{jump}/sensors");
+    let mapping = format!("{sensors}/mapping.toml");
+    let subject = format!("{jump}/subject.toml");
+    let report = PROGRAM.json(&[
+        "import",
+        &sensors,
+        "--mapping",
+        &mapping,
+        "--subject",
+        &subject,
+        "--out",
+        &out,
+    ]);
+    assert_eq!(
+        report["doubts"].as_array().map(Vec::len),
+        Some(0),
+        "{report}"
+    );
+    let segments = report["segments"].as_array().expect("segments");
+    let stated = |name: &str| {
+        let found = segments.iter().find(|segment| segment["segment"] == name);
+        found.expect("a segment")["deviation_deg"]
+            .as_f64()
+            .expect("degrees")
+    };
+    assert!(stated("l_thigh") < 12.0 && stated("l_foot") > stated("l_shank"));
+    let (came, went) = (
+        frames(&folder.path().join("out/flight.mvnx")),
+        frames(&folder.path().join("jump/flight.mvnx")),
+    );
+    let mut squares = Vec::new();
+    for (came, went) in came.iter().step_by(10).zip(went.iter().step_by(20)) {
+        let (came, went) = (turned(came), turned(went));
+        let thigh = |all: &SegmentArray<UnitQuaternion<f64>>| {
+            all[Segment::Pelvis].inverse() * all[Segment::LeftThigh]
+        };
+        squares.push(thigh(&came).angle_to(&thigh(&went)).to_degrees().powi(2));
+    }
+    let off = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+    assert!(off < 2.5 * 3.0_f64.sqrt() * stated("l_thigh"), "{off}");
+    let estimate = PROGRAM.json(&["estimate", &out]);
+    let share = estimate["consistency"]["consistent"]
+        .as_f64()
+        .unwrap_or(0.0);
+    assert!(share > 0.9, "{estimate}");
+}

@@ -1,6 +1,7 @@
 //! `bodyflight import`: the motion of another system as a recording, with a picture of its first frame.
 
 mod print;
+pub mod sensors;
 
 use std::path::{Path, PathBuf};
 
@@ -99,6 +100,10 @@ pub struct MappedSegment {
     pub segment: &'static str,
     /// Name in the source.
     pub source: Option<String>,
+    /// Standard deviation of its orientation relative to the pelvis about an axis (deg), if the source is of sensors
+    /// whose errors are known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub deviation_deg: Option<f64>,
 }
 
 /// A marker that slipped along the skin and stays there.
@@ -183,24 +188,16 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
     let drawn = write_recording(request, &mut source, &body, has_places, progress)?;
     // The same checks as in any other verb.
     let recording = request.folder.join(RECORDING_FILE);
-    let seen = match seen(request, &recording, &body) {
-        Ok(seen) => seen,
-        Err(problem) => {
-            std::fs::remove_file(&recording)
-                .map_err(|error| Problem::system("remove", &recording, error))?;
-            return Err(Problem::bad_input(format!(
-                "no flight can be made of it: {}",
-                problem.message
-            ))
+    let seen = seen_or_removed(request.has_subject, &recording, &body).map_err(|problem| {
+        problem
             .in_file(request.file)
-            .help("check the units and axes of its positions and its rate: [world] and [time] in the mapping"));
-        }
-    };
+            .help("check the units and axes of its positions and its rate: [world] and [time] in the mapping")
+    })?;
     let picture = request.folder.join(PICTURE_FILE);
     if let Some(drawing) = drawn {
         write_file(&picture, drawing.as_bytes())?;
     }
-    let flight = write_flight(request)?;
+    let flight = write_flight(request.subject, request.folder, "")?;
     let (mut warnings, mut doubts) = warnings(request, &source, has_places);
     warnings.extend(seen.warnings.iter().map(ToString::to_string));
     doubts.extend(seen.faults());
@@ -218,6 +215,7 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
             .map(|(segment, name)| MappedSegment {
                 segment: segment.name(),
                 source: name.clone(),
+                deviation_deg: None,
             })
             .collect(),
         warnings,
@@ -295,9 +293,22 @@ impl Seen {
     }
 }
 
-fn seen(request: &Request<'_>, recording: &Path, body: &Body<f64>) -> Result<Seen> {
-    let mut frames =
-        Frames::open(recording, None, Options::default())?.of_person(body, request.has_subject);
+/// What the recording shows; it is removed if no flight can be made of it.
+fn seen_or_removed(has_subject: bool, recording: &Path, body: &Body<f64>) -> Result<Seen> {
+    let problem = match seen(has_subject, recording, body) {
+        Ok(seen) => return Ok(seen),
+        Err(problem) => problem,
+    };
+    std::fs::remove_file(recording).map_err(|error| Problem::system("remove", recording, error))?;
+    Err(Problem::bad_input(format!(
+        "no flight can be made of it: {}",
+        problem.message
+    )))
+}
+
+fn seen(has_subject: bool, recording: &Path, body: &Body<f64>) -> Result<Seen> {
+    let frames = Frames::open(recording, None, Options::default())?;
+    let mut frames = frames.of_person(body, has_subject);
     let mut activities = Activities::default();
     let mut picture = None;
     for frame in frames.by_ref() {
@@ -358,12 +369,7 @@ fn warnings(
             source.timing.rate
         ));
     }
-    if !request.has_subject {
-        warnings.push(format!(
-            "no subject was given: a person of {:.0} kg with equipment is written to subject.toml",
-            request.subject.body().mass()
-        ));
-    }
+    warnings.extend(no_subject(request.has_subject, request.subject));
     let own = request.subject.body().segments[Segment::LeftThigh].length;
     if let Some(thigh) = source.thigh_m
         && ((thigh / own) - 1.0).abs() > THIGH
@@ -377,11 +383,20 @@ fn warnings(
     (warnings, doubts)
 }
 
-/// Writes the person, and the `flight.toml` that ties the files together.
-fn write_flight(request: &Request<'_>) -> Result<PathBuf> {
-    request.subject.write_in(request.folder)?;
-    let path = request.folder.join("flight.toml");
-    let text = "recording = \"flight.mvnx\"\nsubject = \"subject.toml\"\n";
+fn no_subject(has_subject: bool, subject: &Subject) -> Option<String> {
+    (!has_subject).then(|| {
+        format!(
+            "no subject was given: a person of {:.0} kg with equipment is written to subject.toml",
+            subject.body().mass()
+        )
+    })
+}
+
+/// Writes the person, and the `flight.toml` that ties the files together, with further fields.
+fn write_flight(subject: &Subject, folder: &Path, more: &str) -> Result<PathBuf> {
+    subject.write_in(folder)?;
+    let path = folder.join("flight.toml");
+    let text = format!("recording = \"flight.mvnx\"\nsubject = \"subject.toml\"\n{more}");
     write_file(&path, text.as_bytes())?;
     Ok(path)
 }

@@ -11,6 +11,7 @@ mod archive;
 pub mod axes;
 pub mod bvh;
 pub mod c3d;
+pub mod imu;
 mod links;
 pub mod mapping;
 mod marker_set;

@@ -6,6 +6,7 @@ use bodyflight_core::dynamics::muscle_input::MuscleForces;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
+use bodyflight_core::suit::placement::{SETS, of_size};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_laboratory::sensor_bytes::SensorBytes;
 use bodyflight_laboratory::synthesize::{
@@ -62,6 +63,21 @@ pub(super) struct Args {
     /// `stream --sensor`.
     #[arg(long)]
     imu: bool,
+    /// Also write the readings of raw inertial sensors on this many segments, from their calibration on the ground to the
+    /// end of the flight, into the folder sensors, with a mapping for `import`.
+    #[arg(long, value_name = "COUNT", value_parser = sensor_count)]
+    sensors: Option<usize>,
+}
+
+/// A number of sensors for which there is a set.
+fn sensor_count(text: &str) -> core::result::Result<usize, String> {
+    let count = text.parse().ok();
+    count
+        .filter(|count| of_size(*count).is_some())
+        .ok_or_else(|| {
+            let sizes = SETS.map(|set| set.len().to_string());
+            format!("expected one of {}", sizes.join(", "))
+        })
 }
 
 /// Effects of muscle input by name, as in a flight.toml.
@@ -122,6 +138,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         sensor: sensor.as_ref(),
         muscle_forces: args.muscle_forces.forces(),
         lever_arms: lever_arms(args)?,
+        limbs: args.sensors.and_then(of_size),
     };
     let report = write(&request, additions, &args.out)?;
     if json {

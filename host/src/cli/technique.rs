@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::diagnostic::Result;
 use bodyflight_io::files::CsvFile;
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::flight::{Flight, name_of};

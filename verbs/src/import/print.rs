@@ -16,10 +16,12 @@ impl fmt::Display for Report {
             (self.segments.iter()).partition(|mapped| mapped.source.is_some());
         let named = own.iter().filter_map(|mapped| {
             let source = mapped.source.as_deref()?;
+            let deviation = mapped.deviation_deg;
+            let deviation = deviation.map_or(String::new(), |deg| format!(" ({deg:.1} deg)"));
             Some(if mapped.segment == source {
-                source.to_owned()
+                format!("{source}{deviation}")
             } else {
-                format!("{} = {source}", mapped.segment)
+                format!("{} = {source}{deviation}", mapped.segment)
             })
         });
         writeln!(

@@ -3,9 +3,9 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use crate::aerodynamics::Flow;
-use crate::body::Segment;
 use crate::body::mass_properties::PostureRate;
 use crate::body::posture::Posture;
+use crate::body::{Segment, SegmentArray};
 use crate::dynamics::{Dynamics, Motion, PostureSample};
 use crate::math::{Real, small_rotation};
 
@@ -31,6 +31,9 @@ pub struct PostureError<T: Real> {
     /// Covariance of the inertia (kg2 m4), in the order xx, xy, xz, yy, yz, zz, and the partial sum for the next one.
     inertia: [SMatrix<T, 6, 6>; 2],
     next: usize,
+    /// Standard deviation of each segment's orientation relative to the pelvis (rad), if the segments are off, each on
+    /// its own, instead of the joints.
+    segments: Option<SegmentArray<T>>,
     /// Load and inertia of the posture whose joints are turned.
     base: [SVector<T, 6>; 2],
 }
@@ -43,12 +46,21 @@ impl<T: Real> PostureError<T> {
             covariance: SMatrix::zeros(),
             inertia: [SMatrix::zeros(); 2],
             next: 0,
+            segments: None,
             base: [SVector::zeros(); 2],
         }
     }
 
+    /// Takes errors of segments, each on its own, instead of those of joints: standard deviations relative to the pelvis,
+    /// each axis, as multiples of 1 rad. A segment that is off leaves those beyond it where they are.
+    pub fn set_segments(&mut self, deviations: &SegmentArray<T>) {
+        self.segments = Some(*deviations);
+        self.next = 0;
+        self.inertia[1] = SMatrix::zeros();
+    }
+
     /// Covariance of the aerodynamic load divided by the dynamic pressure (m4 for the force, m6 for the moment), if
-    /// every joint axis has a standard deviation of 1 rad.
+    /// every joint axis has a standard deviation of 1 rad, or every segment that of [`PostureError::set_segments`].
     pub fn covariance(&self) -> &SMatrix<T, 6, 6> {
         &self.covariance
     }
@@ -128,8 +140,17 @@ impl<T: Real> PostureError<T> {
         dynamics.sample_into(&turned(posture, index), &PostureRate::zero(), sample);
         let [load, inertia] = self.base;
         let column = (aerodynamic(dynamics, motion, sample) - load) / T::of(TURN);
-        let inertia = (numbers(&sample.inertia) - inertia) / T::of(TURN);
+        let mut inertia = (numbers(&sample.inertia) - inertia) / T::of(TURN);
+        if let Some(segments) = &self.segments {
+            inertia *= segments[segment_of(index)];
+        }
         self.keep(index, &column, &inertia);
+        if self.next == 0
+            && let Some(segments) = &self.segments
+        {
+            let columns = of_segments(&self.columns, posture, segments);
+            self.covariance = covariance_of(&columns);
+        }
     }
 
     /// Stores the effect of an axis. Kept out of line, because a unit's stack cannot hold both this and the
@@ -165,6 +186,56 @@ pub fn columns<T: Real>(
     })
 }
 
+/// Load per standard deviation of each segment about its axes, from the load per radian of each joint axis ([`columns`]):
+/// turning a segment on its own turns the joints beyond it back.
+#[inline(never)]
+pub fn of_segments<T: Real>(
+    columns: &[SVector<T, 6>; JOINT_AXES],
+    posture: &Posture<T>,
+    deviations: &SegmentArray<T>,
+) -> [SVector<T, 6>; JOINT_AXES] {
+    let mut found = *columns;
+    let children = Segment::ALL.into_iter().skip(1).enumerate();
+    for (child, segment) in children {
+        let Some(parent) = segment.parent().filter(|p| *p != Segment::Pelvis) else {
+            continue;
+        };
+        let turn = posture
+            .parent_from_segment(segment)
+            .to_rotation_matrix()
+            .into_inner();
+        let first = 3 * (parent as usize - 1);
+        for axis in 0..3 {
+            for own in 0..3 {
+                found[first + axis] -= columns[3 * child + own] * turn[(axis, own)];
+            }
+        }
+    }
+    for (index, column) in found.iter_mut().enumerate() {
+        *column *= deviations[segment_of(index)];
+    }
+    found
+}
+
+/// The posture with each segment turned on its own, by angles about its axes (rad), three for each segment in the order
+/// of [`columns`].
+pub fn with_turned_segments<T: Real>(
+    posture: &Posture<T>,
+    turns: &SVector<T, JOINT_AXES>,
+) -> Posture<T> {
+    let mut body_from_segments = posture.body_from_segments();
+    for (joint, segment) in Segment::ALL.into_iter().skip(1).enumerate() {
+        let turn = small_rotation(&turns.fixed_rows::<3>(3 * joint).into_owned());
+        body_from_segments[segment] *= turn;
+    }
+    Posture::from_body_rotations(&body_from_segments)
+}
+
+/// Segment of a joint axis.
+fn segment_of(index: usize) -> Segment {
+    Segment::ALL[1 + index / 3]
+}
+
 /// Covariance of a load if every joint axis has a standard deviation of 1 rad.
 pub fn covariance_of<T: Real>(columns: &[SVector<T, 6>; JOINT_AXES]) -> SMatrix<T, 6, 6> {
     let mut covariance = SMatrix::<T, 6, 6>::zeros();
@@ -198,7 +269,7 @@ pub fn load<T: Real>(
 /// Returns a posture with one joint axis rotated.
 #[inline(never)]
 fn turned<T: Real>(posture: &Posture<T>, axis: usize) -> Posture<T> {
-    let segment = Segment::ALL[1 + axis / 3];
+    let segment = segment_of(axis);
     let mut turn = Vector3::zeros();
     turn[axis % 3] = T::of(TURN);
     posture.with(
@@ -250,4 +321,73 @@ fn aerodynamic<T: Real>(
         .copy_from(&(loads.force * scale));
     column.fixed_rows_mut::<3>(3).copy_from(&(moment * scale));
     column
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::pattern;
+    use crate::frame::{Vector, facing_north};
+    use crate::test_body::reference_body;
+
+    fn falling() -> (Dynamics<f64>, Motion<f64>) {
+        let dynamics = Dynamics::paper(reference_body(), 1.0);
+        let inertial_from_body = facing_north(1.4);
+        let motion = Motion {
+            inertial_from_body,
+            position: Vector::zero(),
+            velocity: inertial_from_body.inverse() * Vector::new(3.0, 1.0, -50.0),
+            angular_velocity: Vector::new(0.2, 0.1, -0.3),
+        };
+        (dynamics, motion)
+    }
+
+    /// A thigh that is off by itself changes the load as a hip turned one way with the knee turned back.
+    #[test]
+    fn a_segment_that_is_off_leaves_those_beyond_it() {
+        let (dynamics, motion) = falling();
+        let posture = pattern::neutral::<f64>();
+        let mut sample = PostureSample::blank();
+        let joints = columns(&dynamics, &posture, &motion, &mut sample);
+        let deviations = SegmentArray::from_fn(|_| 1.0);
+        let found = of_segments(&joints, &posture, &deviations);
+        let base = load(&dynamics, &posture, &motion, &mut sample);
+        for index in [0, 6, 27, 28, 30, 44] {
+            let mut turns = SVector::zeros();
+            turns[index] = TURN;
+            let off = with_turned_segments(&posture, &turns);
+            let expected = (load(&dynamics, &off, &motion, &mut sample) - base) / TURN;
+            let gap = (found[index] - expected).norm();
+            assert!(gap < 0.1 * expected.norm() + 2e-3, "{index}: {gap}");
+        }
+    }
+
+    #[test]
+    fn certain_segments_add_nothing_to_the_residual_load() {
+        let (dynamics, motion) = falling();
+        let posture = pattern::neutral::<f64>();
+        let size = |deviation: f64| {
+            let mut sample = PostureSample::blank();
+            let mut error = PostureError::none();
+            error.set_segments(&SegmentArray::from_fn(|segment| {
+                if segment == Segment::LeftThigh {
+                    3.0
+                } else {
+                    deviation
+                }
+            }));
+            error.renew(&dynamics, &posture, &motion, &mut sample);
+            let turning = error.turning_covariance(&dynamics, &motion);
+            (error.covariance().trace(), turning.trace())
+        };
+        let (thigh, whole) = (size(0.0), size(3.0));
+        assert!(
+            thigh.0 > 1e-3 && thigh.0 < 0.5 * whole.0,
+            "{thigh:?} {whole:?}"
+        );
+        assert!(
+            thigh.1 > 0.0 && thigh.1 < 0.5 * whole.1,
+            "{thigh:?} {whole:?}"
+        );
+    }
 }

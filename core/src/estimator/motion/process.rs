@@ -232,6 +232,11 @@ impl<T: Real> Process<T> {
         }
     }
 
+    /// Returns the standard deviation of the joints (rad).
+    pub fn joint_deviation(&self) -> T {
+        self.joint_variance.root()
+    }
+
     /// Returns the long-run covariance of the residual load.
     pub fn residual_covariance(&self) -> SMatrix<T, 6, 6> {
         self.sensitivity * self.joint_variance

@@ -14,6 +14,7 @@ use super::support::Support;
 use super::trail::Trail;
 use super::turned_back::TurnedBack;
 use super::watch::{Consistency, Watch};
+use crate::body::SegmentArray;
 use crate::body::mass_properties::PostureRate;
 use crate::body::posture::Posture;
 use crate::dynamics::{Motion, State};
@@ -94,6 +95,19 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.state.inputs = inputs_of(&self.process.centre());
         covariance::renew_inputs(&mut self.factors, &self.process);
         self.constants.disconnect();
+    }
+
+    /// Takes errors of segments, each on its own, in place of the preset's error of all joints: standard deviations
+    /// relative to the pelvis, each axis (rad). Call it before the first sample; inputs are unknown afterwards.
+    pub fn set_segment_errors(&mut self, deviations: &SegmentArray<T>) {
+        let one = self.process.joint_deviation();
+        self.posture_error
+            .set_segments(&deviations.map(|_, deviation| *deviation / one));
+        let (motion, posture) = (self.motion(), self.posture);
+        self.posture_error
+            .renew(&self.dynamics, &posture, &motion, &mut self.sample);
+        self.take_joint_errors(&motion);
+        self.forget_inputs();
     }
 
     pub(super) fn is_started(&self) -> bool {

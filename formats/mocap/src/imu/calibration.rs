@@ -1,0 +1,204 @@
+//! Bias, scale and mounting of each sensor, from the windows of the calibration.
+
+use bodyflight_core::suit::mounting::{March, MountingError, Stances, fit};
+use bodyflight_core::suit::rest::Rest;
+use bodyflight_core::suit::set::Fitted;
+use bodyflight_core::suit::tray::{Gyroscope, TurnError, Turns};
+use bodyflight_core::{Body, Segment};
+use bodyflight_io::diagnostic::{Problem, Result};
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::mapping::{ImuMapping, SensorRow, Windows};
+use super::stream::Stream;
+use super::windows::{Found, completed};
+
+/// Standard deviation of the angular velocity of a person who stands still (rad/s), while a bias is taken.
+const SWAY: f64 = 0.002;
+
+/// A set of sensors that are ready for use.
+pub struct Calibrated {
+    /// In the order of the streams.
+    pub fitted: Vec<Fitted<f64>>,
+    /// End of the upright pose (s), in which attitudes begin.
+    pub begin_s: f64,
+    /// End of the last window (s).
+    pub end_s: f64,
+    /// Remarks.
+    pub notes: Vec<String>,
+}
+
+/// Calibrates all sensors.
+///
+/// # Errors
+/// Returns an error that names the sensor and the window if a pose was not held, or does not show a mounting.
+pub fn calibrated(
+    mapping: &ImuMapping,
+    sensors: &[(Segment, Stream)],
+    body: &Body<f64>,
+) -> Result<Calibrated> {
+    let given = &mapping.calibration;
+    let windows = completed(given, sensors, mapping.flight.begin_s)?;
+    let mut notes: Vec<String> = windows.note.iter().cloned().collect();
+    let rows = mapping.rows()?;
+    let mut fitted = Vec::new();
+    for ((segment, stream), (_, row)) in sensors.iter().zip(&rows) {
+        let one = sensor(*segment, stream, &windows, given, &mut notes)
+            .map_err(|problem| problem.at(format!("sensor {}", segment.name())))?;
+        fitted.push(placed(one, row, body));
+    }
+    if windows.tray.is_none() {
+        notes.push(
+            "no rest in a tray: biases are those of a person who stands, and drift more".to_owned(),
+        );
+    }
+    if given.turns_s.is_empty() {
+        notes.push("no full turns: the scales of the gyroscopes are those of the maker, and spins add to the errors".to_owned());
+    }
+    let ends = [Some(windows.upright), windows.bent, windows.march];
+    Ok(Calibrated {
+        fitted,
+        begin_s: windows.upright[1],
+        end_s: ends
+            .into_iter()
+            .flatten()
+            .fold(0.0, |end, [_, to]| end.max(to)),
+        notes,
+    })
+}
+
+fn placed(fitted: Fitted<f64>, row: &SensorRow, body: &Body<f64>) -> Fitted<f64> {
+    let at_cg = body.segments[fitted.segment].cg;
+    Fitted {
+        place: row.place_m.map_or(at_cg, Vector3::from),
+        range: row.range_dps.map(f64::to_radians),
+        ..fitted
+    }
+}
+
+fn sensor(
+    segment: Segment,
+    stream: &Stream,
+    windows: &Found,
+    given: &Windows,
+    notes: &mut Vec<String>,
+) -> Result<Fitted<f64>> {
+    let gyroscope = gyroscope(segment, stream, windows, given, notes)?;
+    let upright = held(stream, windows.upright, "upright_s")?;
+    let bent = match windows.bent {
+        Some(window) => Some(up(&held(stream, window, "bent_s")?, "bent_s")?),
+        None => None,
+    };
+    let march = windows.march.map(|window| {
+        let mut march = March::default();
+        for (step, reading) in stream.within(window) {
+            march.take(&gyroscope.corrected(&reading.angular_velocity), step);
+        }
+        march
+    });
+    let stances = Stances {
+        upright: up(&upright, "upright_s")?,
+        bent,
+        march,
+    };
+    let mounting = fit(segment, &stances, &UnitQuaternion::identity()).map_err(|error| {
+        match error {
+            MountingError::NoHeading => Problem::bad_input(
+                "how it lies on its segment does not follow from the poses: it neither leaned in the bend nor swung to one side in the march",
+            )
+            .help("bend until the back is level, knees bent, and march with knees and hands high"),
+            MountingError::Contradiction => Problem::bad_input(
+                "bend and march contradict each other: the sensor is on another segment than the mapping says, or was turned in between",
+            )
+            .help("look whether it was exchanged with another one"),
+        }
+    })?;
+    Ok(Fitted {
+        segment,
+        place: Vector3::zeros(),
+        gyroscope,
+        mounting,
+        range: None,
+    })
+}
+
+fn gyroscope(
+    segment: Segment,
+    stream: &Stream,
+    windows: &Found,
+    given: &Windows,
+    notes: &mut Vec<String>,
+) -> Result<Gyroscope<f64>> {
+    let mut gyroscope = Gyroscope::default();
+    let (window, name) = match windows.tray {
+        Some(tray) => (tray, "tray_s"),
+        None => (windows.upright, "upright_s"),
+    };
+    let rest = held(stream, window, name)?;
+    let [from, to] = window;
+    gyroscope.set_bias(&rest, to - from);
+    if windows.tray.is_none() {
+        gyroscope.bias_deviation = gyroscope.bias_deviation.hypot(SWAY);
+    }
+    for turn in &given.turns_s {
+        let mut turns = Turns::default();
+        for (step, reading) in stream.within(*turn) {
+            turns.take(&gyroscope.corrected(&reading.angular_velocity), step);
+        }
+        let [from, to] = turn;
+        let place = format!("turns_s from {from} to {to} s");
+        match gyroscope.set_gain(&turns) {
+            Ok(_) => {}
+            // A tray in which sensors lie askew calibrates no axis of theirs.
+            Err(TurnError::NoAxis) => notes.push(format!(
+                "{}: {place}: the turn is about none of its axes, and shows no scale",
+                segment.name()
+            )),
+            Err(TurnError::NoTurn) => {
+                return Err(Problem::bad_input(format!(
+                    "{place}: expected full turns, found less than half a turn"
+                )));
+            }
+            Err(TurnError::NotFull(angle)) => {
+                return Err(Problem::bad_input(format!(
+                    "{place}: expected full turns, found {:.2} turns",
+                    angle / std::f64::consts::TAU
+                ))
+                .help("begin and end with the tray in the same direction"));
+            }
+        }
+    }
+    Ok(gyroscope)
+}
+
+/// A window in which the sensor must rest.
+fn held(stream: &Stream, window: [f64; 2], name: &str) -> Result<Rest<f64>> {
+    let mut rest = Rest::default();
+    stream
+        .within(window)
+        .for_each(|(_, reading)| rest.take(reading));
+    let [from, to] = window;
+    let place = format!("{name} from {from:.1} to {to:.1} s");
+    if rest.count() < 10 {
+        let [begin, end] = stream.span();
+        let message = format!(
+            "{place}: expected samples, found {}; the sensor's are from {begin:.1} to {end:.1} s",
+            rest.count()
+        );
+        return Err(Problem::bad_input(message));
+    }
+    if !rest.is_still() {
+        let message = format!(
+            "{place}: expected rest, found a rate that varies by {:.0} deg/s and a force of {:.2} m/s2",
+            rest.rate_deviation().to_degrees(),
+            rest.force().norm()
+        );
+        return Err(Problem::bad_input(message)
+            .help("give a window in which the person holds still, or check the units"));
+    }
+    Ok(rest)
+}
+
+fn up(rest: &Rest<f64>, name: &str) -> Result<Vector3<f64>> {
+    rest.up()
+        .ok_or_else(|| Problem::bad_input(format!("{name}: no gravity is felt")))
+}

@@ -1,0 +1,294 @@
+//! The samples of one sensor, with its own clock and rate.
+
+use std::path::Path;
+
+use bodyflight_core::suit::strapdown::Reading;
+use bodyflight_io::diagnostic::{Problem, Result};
+use nalgebra::Vector3;
+
+use super::mapping::Columns;
+use crate::table::Table;
+
+/// Intervals between samples, as multiples of the usual one, up to which readings are interpolated.
+const BRIDGED: f64 = 3.5;
+/// Fewest samples of a sensor.
+const FEWEST: usize = 100;
+/// Range of usable rates (Hz).
+const RATES: [f64; 2] = [20.0, 4000.0];
+/// Range of a counter that wraps.
+const WRAPS: [f64; 3] = [65_536.0, 4_294_967_296.0, 256.0];
+
+/// One sensor's samples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stream {
+    times: Vec<f64>,
+    readings: Vec<Reading<f64>>,
+    /// Samples per second (Hz), from the usual interval.
+    pub rate_hz: f64,
+    /// Standard deviation of the intervals, without gaps (s).
+    pub jitter_s: f64,
+    /// Gaps that are too long to interpolate: begin and length (s).
+    pub gaps: Vec<[f64; 2]>,
+    /// Share of samples that are missing.
+    pub lost: f64,
+}
+
+/// Where the numbers of a table are.
+struct Places {
+    time: Option<usize>,
+    rate: [usize; 3],
+    force: [usize; 3],
+}
+
+/// Reads a table whose names may follow lines of description.
+pub(super) fn table(text: &str, columns: &Columns, prefix: &str) -> Result<Table> {
+    let first = format!("{prefix}{}", columns.angular_velocity[0]);
+    let is_head = |line: &str| {
+        line.split([',', ';', '\t'])
+            .any(|cell| cell.trim().trim_matches('"') == first)
+    };
+    let mut skipped = 0;
+    for line in text.split_inclusive('\n') {
+        if is_head(line) {
+            return Table::parse(text.get(skipped..).unwrap_or_default());
+        }
+        skipped += line.len();
+    }
+    Err(
+        Problem::bad_input(format!("the table has no column \"{first}\""))
+            .help("[columns] and prefix in the mapping must give the names in the file"),
+    )
+}
+
+impl Stream {
+    /// Takes the samples of a sensor out of a table. `rate_hz` is used if there is no time.
+    ///
+    /// # Errors
+    /// Returns an error if a column is missing, the times do not rise, or there are too few samples.
+    pub(super) fn of(
+        table: &Table,
+        columns: &Columns,
+        prefix: &str,
+        rate_hz: Option<f64>,
+    ) -> Result<Self> {
+        let named = |name: &String| table.column(&format!("{prefix}{name}"));
+        let three = |names: &[String; 3]| -> Result<[usize; 3]> {
+            let [x, y, z] = names;
+            Ok([named(x)?, named(y)?, named(z)?])
+        };
+        let time = match &columns.time {
+            Some(name) => Some(named(name).or_else(|_| table.column(name))?),
+            None => None,
+        };
+        let places = Places {
+            time,
+            rate: three(&columns.angular_velocity)?,
+            force: three(&columns.specific_force)?,
+        };
+        let (mut times, mut readings) = (Vec::new(), Vec::new());
+        let mut clock = Clock::default();
+        for row in 0..table.rows() {
+            let vector = |at: [usize; 3]| Vector3::from(at.map(|column| table.value(row, column)));
+            let time = match (places.time, rate_hz) {
+                (Some(column), _) => clock.risen(table.value(row, column)) * columns.time_unit_s,
+                (None, rate) => row as f64 / rate.unwrap_or(1.0),
+            };
+            let reading = Reading {
+                angular_velocity: vector(places.rate) * columns.angular_velocity_unit.radians(),
+                specific_force: vector(places.force) * columns.specific_force_unit.metres(),
+            };
+            // Rows with an empty cell are lost samples.
+            if !reading.is_finite() || !time.is_finite() {
+                continue;
+            }
+            if times.last().is_some_and(|last| time <= *last) {
+                return Err(Problem::bad_input(format!(
+                    "expected times that rise, found {time} s after {} s",
+                    times.last().copied().unwrap_or_default()
+                ))
+                .at_line(table.line(row)));
+            }
+            times.push(time);
+            readings.push(reading);
+        }
+        Self::new(times, readings)
+    }
+
+    /// Samples at rising times (s).
+    ///
+    /// # Errors
+    /// Returns an error if there are too few samples, or their rate is none of a sensor.
+    pub fn new(times: Vec<f64>, readings: Vec<Reading<f64>>) -> Result<Self> {
+        if times.len() < FEWEST {
+            let message = format!("expected at least {FEWEST} samples, found {}", times.len());
+            return Err(Problem::bad_input(message));
+        }
+        let steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let mut sorted = steps.clone();
+        sorted.sort_by(f64::total_cmp);
+        let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+        let rate_hz = 1.0 / usual;
+        let [least, most] = RATES;
+        if !(least..=most).contains(&rate_hz) {
+            let message = format!("expected {least} to {most} samples a second, found {rate_hz}");
+            return Err(Problem::bad_input(message).help("check columns.time_unit_s, or rate_hz"));
+        }
+        let regular: Vec<f64> = steps.iter().copied().filter(|s| *s < 1.5 * usual).collect();
+        let count = regular.len().max(1) as f64;
+        let spread: f64 = regular.iter().map(|step| (step - usual).powi(2)).sum();
+        let gaps = times.iter().zip(&steps);
+        let gaps = gaps.filter(|(_, step)| **step > BRIDGED * usual);
+        let span = times.last().zip(times.first()).map_or(0.0, |(b, a)| b - a);
+        Ok(Self {
+            gaps: gaps.map(|(begin, step)| [*begin, *step]).collect(),
+            lost: (1.0 - (times.len() as f64 - 1.0) * usual / span).max(0.0),
+            jitter_s: (spread / count).sqrt(),
+            rate_hz,
+            times,
+            readings,
+        })
+    }
+
+    /// First and last sample (s).
+    pub fn span(&self) -> [f64; 2] {
+        [self.times.first(), self.times.last()].map(|time| time.copied().unwrap_or(0.0))
+    }
+
+    /// The reading at a time (s), interpolated; `None` outside the samples and in gaps.
+    pub fn at(&self, time: f64) -> Option<Reading<f64>> {
+        let after = self.times.partition_point(|sample| *sample <= time);
+        let before = after.checked_sub(1)?;
+        let (from, to) = (*self.times.get(before)?, *self.times.get(after)?);
+        if (to - from) * self.rate_hz > BRIDGED {
+            return None;
+        }
+        let share = (time - from) / (to - from);
+        let (one, other) = (self.readings.get(before)?, self.readings.get(after)?);
+        Some(Reading {
+            angular_velocity: one.angular_velocity.lerp(&other.angular_velocity, share),
+            specific_force: one.specific_force.lerp(&other.specific_force, share),
+        })
+    }
+
+    /// The samples within a window (s), each with the time to the one before (s).
+    pub(super) fn within(
+        &self,
+        [from, to]: [f64; 2],
+    ) -> impl Iterator<Item = (f64, &Reading<f64>)> {
+        let begin = self.times.partition_point(|time| *time < from);
+        let end = self.times.partition_point(|time| *time <= to);
+        let usual = 1.0 / self.rate_hz;
+        let step = move |k: usize| match k.checked_sub(1).and_then(|k| self.times.get(k)) {
+            Some(before) => self.times.get(k).map_or(usual, |time| time - before),
+            None => usual,
+        };
+        (begin..end).filter_map(move |k| Some((step(k), self.readings.get(k)?)))
+    }
+}
+
+/// Reads one sensor from a file.
+///
+/// # Errors
+/// Returns an error if the file cannot be read, or for the reasons given at [`Stream`].
+pub(super) fn read(
+    path: &Path,
+    columns: &Columns,
+    prefix: &str,
+    rate_hz: Option<f64>,
+) -> Result<Stream> {
+    let text = bodyflight_io::input::utf_8(bodyflight_io::input::movement(path)?, path)?;
+    let table = table(&text, columns, prefix).map_err(|problem| problem.in_file(path))?;
+    Stream::of(&table, columns, prefix, rate_hz).map_err(|problem| problem.in_file(path))
+}
+
+/// A counter that may wrap.
+#[derive(Default)]
+struct Clock {
+    last: Option<f64>,
+    added: f64,
+}
+
+impl Clock {
+    fn risen(&mut self, read: f64) -> f64 {
+        if let Some(last) = self.last
+            && read < last
+        {
+            // The smallest range in which this is a step forwards by less than half of it.
+            let fits = |range: &&f64| last < **range && read + **range - last < 0.5 * **range;
+            let mut ranges = WRAPS;
+            ranges.sort_by(f64::total_cmp);
+            let wrap = ranges.iter().find(fits).copied();
+            self.added += wrap.unwrap_or(0.0);
+        }
+        self.last = Some(read);
+        read + self.added
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::mapping::ImuMapping;
+    use super::*;
+
+    fn columns(format: &str) -> Columns {
+        let text = format!("kind = \"imu\"\nformat = \"{format}\"\n[sensors.pelvis]\n");
+        ImuMapping::parse(&text, Path::new("m.toml"))
+            .unwrap()
+            .columns()
+            .unwrap()
+    }
+
+    /// An export of Xsens DOT whose clock wraps, with a lost sample and a gap.
+    fn export(lost: core::ops::Range<u32>) -> String {
+        let mut text = "sep=,\nDeviceTag:,L1\nPacketCounter,SampleTimeFine,Acc_X,Acc_Y,Acc_Z,Gyr_X,Gyr_Y,Gyr_Z\n"
+            .to_owned();
+        for k in (0..200_u32).filter(|k| *k != 20 && !lost.contains(k)) {
+            let time = (4_294_000_000_u64 + 16_667 * u64::from(k)) % 4_294_967_296;
+            text += &format!("{k},{time},0,0,9.8,{k},0,0\n");
+        }
+        text
+    }
+
+    #[test]
+    fn clock_units_and_gaps_of_an_export_are_read() {
+        let columns = columns("dot");
+        let text = export(100..120);
+        let table = table(&text, &columns, "").unwrap();
+        let stream = Stream::of(&table, &columns, "", None).unwrap();
+        assert!((stream.rate_hz - 60.0).abs() < 0.01, "{}", stream.rate_hz);
+        assert_eq!(stream.gaps.len(), 1, "{:?}", stream.gaps);
+        assert!((stream.gaps[0][1] - 21.0 / 60.0).abs() < 1e-3);
+        assert!((stream.lost - 21.0 / 199.0).abs() < 1e-3, "{}", stream.lost);
+        let [begin, end] = stream.span();
+        assert!((end - begin - 199.0 / 60.0).abs() < 1e-3, "the clock wraps");
+        let rate = |k: f64| {
+            let reading = stream.at(begin + k * 0.016_667)?;
+            Some(reading.angular_velocity.x.to_degrees())
+        };
+        assert!((rate(20.0).unwrap() - 20.0).abs() < 0.01, "interpolated");
+        assert!(rate(110.0).is_none(), "a gap");
+        assert_eq!(stream.within([begin + 1.0, begin + 1.1]).count(), 6);
+    }
+
+    #[test]
+    fn broken_files_are_refused() {
+        let columns = columns("dot");
+        let parsed = |text: &str| {
+            let table = table(text, &columns, "")?;
+            Stream::of(&table, &columns, "", None)
+        };
+        let text = export(0..0);
+        for (text, part) in [
+            (text.replace("Gyr_X", "Euler_X"), "no column \"Gyr_X\""),
+            (text.replace("Acc_Y", "FreeAcc_Y"), "no column \"Acc_Y\""),
+            (export(40..200), "expected at least 100 samples, found 39"),
+            (
+                text.replace("10,4294166670,", "10,4294116668,"),
+                "expected times that rise",
+            ),
+        ] {
+            let said = parsed(&text).unwrap_err().to_string();
+            assert!(said.contains(part), "{said}");
+        }
+    }
+}

@@ -1,0 +1,202 @@
+//! The suit of the core over a whole recording.
+
+use std::path::Path;
+
+use bodyflight_core::suit::set::{SetError, Suit, SuitPosture};
+use bodyflight_core::suit::watch::Fault;
+use bodyflight_core::{Body, Posture, Segment, SegmentArray};
+use bodyflight_io::diagnostic::{Problem, Result};
+use nalgebra::Vector3;
+
+use super::calibration::{Calibrated, calibrated};
+use super::mapping::ImuMapping;
+use super::stream::{self, Stream};
+
+/// Range of rates of postures (Hz).
+const RATES: [f64; 2] = [50.0, 240.0];
+/// Jitter, as a share of the interval, and share of lost samples from which they are said.
+const JITTER: f64 = 0.1;
+const LOST: f64 = 0.005;
+/// Longest flight (frames).
+const FRAME_LIMIT: f64 = 1e7;
+
+/// A posture at a time since the begin of the flight (s).
+pub type Frame = (f64, SuitPosture<f64>);
+
+/// A flight from raw sensors.
+pub struct Worn {
+    /// Frames per second (Hz).
+    pub rate_hz: f64,
+    /// The frames.
+    pub frames: Vec<Frame>,
+    /// Standard deviation of each segment's orientation relative to the pelvis about an axis (rad), root of its mean
+    /// square over the flight.
+    pub deviation: SegmentArray<f64>,
+    /// Place of the sensor on the pelvis, in its frame (m).
+    pub pelvis_place: Vector3<f64>,
+    /// Remarks.
+    pub notes: Vec<String>,
+    /// Faults of sensors.
+    pub doubts: Vec<String>,
+}
+
+/// Reads all sensors of a mapping from a folder or a file.
+///
+/// # Errors
+/// Returns an error if a file cannot be read, or does not follow the mapping.
+pub fn sensors(mapping: &ImuMapping, path: &Path) -> Result<Vec<(Segment, Stream)>> {
+    let columns = mapping.columns()?;
+    let mut found = Vec::new();
+    for (segment, row) in mapping.rows()? {
+        let file = match &row.file {
+            Some(file) if path.is_dir() => path.join(file),
+            Some(file) => path.with_file_name(file),
+            None if path.is_dir() => {
+                return Err(Problem::bad_input("expected the file of this sensor")
+                    .at(format!("table sensors.{}", segment.name()))
+                    .help("file = \"...\", or give one file of all sensors instead of a folder"));
+            }
+            None => path.to_owned(),
+        };
+        let stream = stream::read(&file, &columns, &row.prefix, mapping.rate_hz)
+            .map_err(|problem| problem.at(format!("sensor {}", segment.name())))?;
+        found.push((segment, stream));
+    }
+    Ok(found)
+}
+
+/// Calibrates the sensors and follows them through the flight. `progress` is called with the share done.
+///
+/// # Errors
+/// Returns an error if the calibration cannot be used, or the flight is not within the samples.
+pub fn worn(
+    mapping: &ImuMapping,
+    sensors: &[(Segment, Stream)],
+    body: &Body<f64>,
+    progress: &mut dyn FnMut(f64) -> Result<()>,
+) -> Result<Worn> {
+    let calibrated = calibrated(mapping, sensors, body)?;
+    let mut notes = calibrated.notes.clone();
+    notes.extend(remarks(sensors));
+    let window = flight(mapping, sensors, &calibrated)?;
+    let rate_hz = common_rate(sensors);
+    let count = ((window[1] - window[0]) * rate_hz).floor();
+    if count > FRAME_LIMIT {
+        let message = format!("expected at most {FRAME_LIMIT} frames, found {count}");
+        return Err(Problem::bad_input(message));
+    }
+    let mut suit = Box::new(
+        Suit::<f64, 16>::new(&calibrated.fitted, body, &Posture::h_pose()).map_err(set_problem)?,
+    );
+    let mut readings = vec![None; sensors.len()];
+    let mut frames = Vec::new();
+    let mut squares = SegmentArray::from_fn(|_| 0.0);
+    // Before the flight, frames count backwards from its begin, so that one falls on it.
+    let lead = ((window[0] - calibrated.begin_s) * rate_hz).floor();
+    let mut frame = -lead;
+    while frame <= count {
+        let time = window[0] + frame / rate_hz;
+        for ((_, stream), reading) in sensors.iter().zip(&mut readings) {
+            *reading = stream.at(time);
+        }
+        suit.set_on_ground(frame < 0.0);
+        suit.push(&readings, 1.0 / rate_hz);
+        if frame >= 0.0 {
+            let posture = suit.posture();
+            for (segment, orientation) in posture.orientations.iter() {
+                squares[segment] += orientation.deviation().powi(2);
+            }
+            frames.push((frame / rate_hz, posture));
+            if frames.len() % 1000 == 0 {
+                progress(frame / count)?;
+            }
+        }
+        frame += 1.0;
+    }
+    let flown = frames.len().max(1) as f64;
+    Ok(Worn {
+        rate_hz,
+        deviation: squares.map(|_, square| (square / flown).sqrt()),
+        pelvis_place: (calibrated.fitted.iter())
+            .find(|fitted| fitted.segment == Segment::Pelvis)
+            .map_or_else(Vector3::zeros, |fitted| fitted.place),
+        doubts: suit.faults().map(said).collect(),
+        frames,
+        notes,
+    })
+}
+
+/// The flight within the samples that all sensors have.
+fn flight(
+    mapping: &ImuMapping,
+    sensors: &[(Segment, Stream)],
+    calibrated: &Calibrated,
+) -> Result<[f64; 2]> {
+    let last = sensors.iter().map(|(_, stream)| stream.span()[1]);
+    let pelvis = sensors.iter().find(|(s, _)| *s == Segment::Pelvis);
+    let end = pelvis.map_or_else(|| last.fold(0.0, f64::max), |(_, stream)| stream.span()[1]);
+    let begin = mapping.flight.begin_s.unwrap_or(calibrated.end_s);
+    let until = mapping.flight.end_s.unwrap_or(end).min(end);
+    if begin < calibrated.begin_s || until - begin < 1.0 {
+        let message = format!(
+            "expected a flight of a second or more between the upright pose, which ends at {:.1} s, and the last sample at {end:.1} s, found {begin:.1} to {until:.1} s",
+            calibrated.begin_s
+        );
+        return Err(Problem::bad_input(message).at("table flight"));
+    }
+    Ok([begin, until])
+}
+
+/// The usual rate of the sensors, within the range for postures.
+fn common_rate(sensors: &[(Segment, Stream)]) -> f64 {
+    let mut rates: Vec<f64> = sensors.iter().map(|(_, stream)| stream.rate_hz).collect();
+    rates.sort_by(f64::total_cmp);
+    let usual = rates.get(rates.len() / 2).copied().unwrap_or(RATES[0]);
+    let [least, most] = RATES;
+    usual.round().clamp(least, most)
+}
+
+/// What the clocks of the sensors did.
+fn remarks(sensors: &[(Segment, Stream)]) -> Vec<String> {
+    let mut notes = Vec::new();
+    for (segment, stream) in sensors {
+        let name = segment.name();
+        if stream.jitter_s * stream.rate_hz > JITTER {
+            notes.push(format!(
+                "{name}: samples come irregularly, {:.1} ms standard deviation at {:.0} Hz",
+                1e3 * stream.jitter_s,
+                stream.rate_hz
+            ));
+        }
+        if stream.lost > LOST || !stream.gaps.is_empty() {
+            let longest = stream.gaps.iter().map(|gap| gap[1]).fold(0.0, f64::max);
+            notes.push(format!(
+                "{name}: {:.1} % of the samples are missing, {} gaps, the longest of {longest:.2} s",
+                100.0 * stream.lost,
+                stream.gaps.len()
+            ));
+        }
+    }
+    notes
+}
+
+fn said((segment, fault): (Segment, Fault)) -> String {
+    let name = segment.name();
+    match fault {
+        Fault::Dead => format!("the sensor {name} sends nothing new at the end"),
+        Fault::Slipped => format!(
+            "the sensor {name} feels another force than its neighbour: it slipped, or its clock is off"
+        ),
+        Fault::Saturated => {
+            format!("the sensor {name} reached the end of its range: turns beyond it are lost")
+        }
+    }
+}
+
+fn set_problem(error: SetError) -> Problem {
+    Problem::bad_input(match error {
+        SetError::NoPelvis => "expected a sensor on the pelvis".to_owned(),
+        SetError::Twice(segment) => format!("two sensors are on {}", segment.name()),
+        SetError::TooMany => "more sensors than segments".to_owned(),
+    })
+}
