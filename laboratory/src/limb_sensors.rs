@@ -87,7 +87,7 @@ pub struct Streams {
 impl LimbSensors {
     /// The readings in a flight without noise, whose frames follow each other at one rate, after the calibration.
     pub fn of(&self, body: &Body<f64>, frames: &[FlightFrame]) -> Streams {
-        let mut random = ChaCha8Rng::seed_from_u64(self.seed ^ 0x73_7569_74);
+        let mut random = ChaCha8Rng::seed_from_u64(self.seed ^ 0x7375_6974);
         let interval = match frames {
             [first, second, ..] => second.time - first.time,
             _ => return self.nothing(),

@@ -99,7 +99,8 @@ impl<T: Real> March<T> {
     /// The axis of the swings across `up` (unit vector), with the sense of rotation in which the segment spends more
     /// time, and the standard deviation of its direction (rad). `None` if it hardly swings or favours no side.
     fn axis(&self, up: &Vector3<T>) -> Option<(Vector3<T>, T)> {
-        if !(self.duration > T::zero()) {
+        let has_samples = self.duration > T::zero();
+        if !has_samples {
             return None;
         }
         let one = any_across(up);
@@ -199,7 +200,8 @@ pub fn fit<T: Real>(
     }
     left -= up * left.dot(&up);
     let size = left.norm_squared().root();
-    if !(weights > T::zero()) || !(size > T::zero()) {
+    let is_seen = weights > T::zero() && size > T::zero();
+    if !is_seen {
         return Err(MountingError::NoHeading);
     }
     let left = left / size;

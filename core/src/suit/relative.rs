@@ -116,7 +116,8 @@ impl<T: Real, const N: usize> Relative<T, N> {
             return (None, T::zero());
         };
         let mismatch = gap.dot(&(inverse * gap));
-        if !(mismatch <= T::of(GATE)) {
+        let is_within = mismatch <= T::of(GATE);
+        if !is_within {
             return (None, finite(mismatch / T::of(3.0)));
         }
         let errors = core::array::from_fn(|i| {
@@ -124,8 +125,8 @@ impl<T: Real, const N: usize> Relative<T, N> {
         });
         for i in 0..N {
             let (gain, of_mounting) = (with_attitude[i] * inverse, with_mounting[i] * inverse);
-            for j in 0..N {
-                let with = with_attitude[j].transpose();
+            for (j, with) in with_attitude.iter().enumerate() {
+                let with = with.transpose();
                 if j >= i {
                     self.attitude[i][j] -= gain * with;
                     self.attitude[j][i] = self.attitude[i][j].transpose();

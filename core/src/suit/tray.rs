@@ -52,7 +52,8 @@ impl<T: Real> Gyroscope<T> {
     /// Takes the bias from a window at rest that lasted `duration` (s).
     pub fn set_bias(&mut self, rest: &Rest<T>, duration: T) {
         let count = T::of(f64::from(rest.count()));
-        if rest.count() < 2 || !(duration > T::zero()) {
+        let has_lasted = duration > T::zero();
+        if rest.count() < 2 || !has_lasted {
             return;
         }
         let mean = rest.rate_deviation() / count.root();

@@ -71,10 +71,7 @@ pub(super) fn completed(
         let same = rests.get(place).zip(rests.get(place + 2));
         same.is_some_and(|(one, other)| one.up.angle(&other.up).to_degrees() < SAME)
     };
-    let place = bends
-        .map(|(place, _)| place)
-        .filter(|p| is_upright(*p))
-        .last();
+    let place = bends.map(|(place, _)| place).rfind(|p| is_upright(*p));
     let poses = place.and_then(|place| Some((place, rests.get(place)?, rests.get(place + 1)?)));
     let Some((place, upright, bent)) = poses else {
         let message = format!(
