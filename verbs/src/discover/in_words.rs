@@ -8,11 +8,10 @@ use bodyflight_io::diagnostic::Result;
 use bodyflight_mvnx::recording::FlightFrame;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::joint_change::JointChange;
-use bodyflight_replay::model_file::Effects;
+use bodyflight_replay::model_file::{Effects, model_toml};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 
-use super::model_toml;
 use crate::compare::effect::{DRAWS, Means, Part, body_deviation, joint_errors};
 
 /// Time over which the model flies from the first frame (s): long enough for the fall rate to follow, and too short for
@@ -44,7 +43,7 @@ pub(super) fn changes(
     let is_short = frames
         .last()
         .is_none_or(|last| last.time < end - 0.1 * COMPARED);
-    let text = model_toml(&report.model, None);
+    let text = model_toml("", &report.model, &[]);
     let mut effects = Effects::parse(&text, Path::new("model.toml"))?;
     let is_physics = |kind| matches!(kind, Kind::Physics);
     effects
