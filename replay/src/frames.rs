@@ -114,9 +114,9 @@ impl Frames {
         &self.other_person
     }
 
-    /// Whatever is implausible in the recording itself, see [`Recording::warnings`].
-    pub fn of_recording(&self) -> Vec<Warning> {
-        self.recording.warnings()
+    /// Whatever is implausible in the recording of another system itself, see [`Recording::warnings_of_import`].
+    pub fn of_import(&self) -> Vec<Warning> {
+        self.recording.warnings_of_import()
     }
 
     /// All frames of a recording that is trusted, and what is said about it all the same: whatever is fitted to one that is

@@ -138,7 +138,7 @@ impl Capture {
             steps: blocks.steps,
             mountings: recording.mountings(),
             // A capture is on the ground too, and its person may be assumed.
-            contradictions: (recording.of_recording().into_iter())
+            contradictions: (recording.of_import().into_iter())
                 .filter(|warning| warning.is_fault)
                 .collect(),
             heights: blocks.heights,

@@ -316,7 +316,7 @@ fn seen(has_subject: bool, recording: &Path, body: &Body<f64>) -> Result<Seen> {
         picture.get_or_insert_with(|| first_frame(body, &frame));
         activities.see(&frame);
     }
-    let mut warnings = frames.of_recording();
+    let mut warnings = frames.of_import();
     warnings.extend_from_slice(frames.of_subject());
     Ok(Seen {
         warnings,

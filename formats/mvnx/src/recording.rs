@@ -210,7 +210,16 @@ impl<R: BufRead> Recording<R> {
 
     /// Whatever is implausible for a flight in the frames read so far.
     pub fn warnings(&self) -> Vec<Warning> {
-        let mut warnings = self.watch.warnings();
+        self.found(watch::JUDGED)
+    }
+
+    /// The same of another system's recording, whose mapping may be wrong: postures are judged however short it is.
+    pub fn warnings_of_import(&self) -> Vec<Warning> {
+        self.found(0.0)
+    }
+
+    fn found(&self, postures_from_s: f64) -> Vec<Warning> {
+        let mut warnings = self.watch.warnings(postures_from_s);
         warnings.extend(self.mountings().iter().map(Mounting::warning));
         let props = self.header().segments.iter().map(|segment| &segment.label);
         let props = props.filter(|label| MvnSegment::ALL.iter().all(|own| own.label() != *label));

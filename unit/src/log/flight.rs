@@ -145,7 +145,7 @@ impl LoggedFlight {
         body.ok().map(|body| body.cast())
     }
 
-    /// Samples with an attitude, as frames. A log contains no position: it is integrated from the velocity.
+    /// Samples with an attitude, as frames.
     fn frames(&self) -> Vec<FlightFrame> {
         let rate = self.rate();
         let first = self.samples.first().map_or(0, |(time, _)| *time);
@@ -154,10 +154,11 @@ impl LoggedFlight {
             let index = index(time.saturating_sub(first), rate);
             let is_next = frames.last().is_none_or(|last| last.index < index);
             if is_next && sample.valid.contains(Validity::ATTITUDE) {
-                let frame = frame(index, rate, sample, frames.last());
-                frames.push(frame);
+                frames.push(frame(index, rate, sample));
             }
         }
+        fill_velocities(&mut frames);
+        integrate_positions(&mut frames);
         frames
     }
 }
@@ -172,33 +173,58 @@ fn index(elapsed_us: u64, rate: f64) -> u64 {
     (elapsed_us as f64 * 1e-6 * rate).round() as u64
 }
 
-fn frame(index: u64, rate: f64, sample: &Sample, before: Option<&FlightFrame>) -> FlightFrame {
+/// A frame without a position.
+fn frame(index: u64, rate: f64, sample: &Sample) -> FlightFrame {
     #[expect(clippy::cast_precision_loss, reason = "indices count frames")]
     let time = index as f64 / rate;
     let motion = sample.motion();
     let inertial_from_body = sample.inertial_from_body().cast();
-    let velocity = motion.velocity.map(|velocity| velocity.cast());
-    let position = before.map_or_else(Vector::zero, |before| {
-        let step = time - before.time;
-        let speeds = [before.pelvis.velocity, velocity.or(before.pelvis.velocity)];
-        let halves =
-            speeds.map(|speed| speed.unwrap_or_else(Vector::<f64, Inertial>::zero) * (0.5 * step));
-        before.pelvis.position + halves[0] + halves[1]
-    });
     FlightFrame {
         index,
         time,
         posture: sample.posture().cast(),
         pelvis: PelvisMotion {
             inertial_from_body,
-            position,
-            velocity,
+            position: Vector::zero(),
+            velocity: motion.velocity.map(|velocity| velocity.cast()),
             angular_velocity: motion
                 .angular_velocity
                 .map(|turn| inertial_from_body * turn.cast()),
         },
         centre_of_mass: None,
         bridged: false,
+    }
+}
+
+/// Gives frames between two solutions of a receiver, which come a few times a second, the velocity between theirs, and
+/// those before the first and after the last that one's.
+fn fill_velocities(frames: &mut [FlightFrame]) {
+    let known: Vec<(f64, Vector<f64, Inertial>)> = frames
+        .iter()
+        .filter_map(|frame| Some((frame.time, frame.pelvis.velocity?)))
+        .collect();
+    for frame in frames {
+        let after = known.partition_point(|(time, _)| *time <= frame.time);
+        let next = known.get(after);
+        let before = after.checked_sub(1).and_then(|place| known.get(place));
+        frame.pelvis.velocity = match (before, next) {
+            (Some((from, one)), Some((to, other))) => {
+                Some(*one + (*other - *one) * ((frame.time - from) / (to - from)))
+            }
+            (one, other) => one.or(other).map(|(_, velocity)| *velocity),
+        };
+    }
+}
+
+/// A log contains no position: it is integrated from the velocity.
+fn integrate_positions(frames: &mut [FlightFrame]) {
+    let mut last: Option<(f64, Vector<f64, Inertial>, Vector<f64, Inertial>)> = None;
+    for frame in frames {
+        let velocity = frame.pelvis.velocity.unwrap_or_else(Vector::zero);
+        if let Some((time, before, position)) = last {
+            frame.pelvis.position = position + (before + velocity) * (0.5 * (frame.time - time));
+        }
+        last = Some((frame.time, velocity, frame.pelvis.position));
     }
 }
 

@@ -104,8 +104,14 @@ fn as_recorded(
     turned: &SegmentArray<UnitQuaternion<f64>>,
     segment: Segment,
 ) -> UnitQuaternion<f64> {
-    turned[segment] * xsens_from_segment(segment).quaternion().inverse()
+    let [pelvis, own] =
+        [Segment::Pelvis, segment].map(|segment| *xsens_from_segment(segment).quaternion());
+    pelvis * turned[segment] * own.inverse()
 }
+
+/// Least half of the rotation (rad) about other axes than the lateral one: a segment that turns only about that one has the
+/// attitude of its mirror image, so both sides may have it.
+const SIDEWAYS: f64 = 0.02;
 
 /// What has been seen of the postures.
 #[derive(Debug, Clone, Default)]
@@ -113,6 +119,7 @@ pub(super) struct Anatomy {
     frames: u64,
     wrong: [u64; CHECKS.len()],
     last: Option<SegmentArray<UnitQuaternion<f64>>>,
+    /// Frames in which a segment moves and has another attitude than its mirror image.
     moving: [u64; LEFT.len()],
     copied: [u64; LEFT.len()],
 }
@@ -138,9 +145,11 @@ impl Anatomy {
         for (place, left) in LEFT.into_iter().enumerate() {
             // Two segments at rest may well be parallel.
             let moves = (last.as_ref()).is_some_and(|last| differs(&last[left], &turned[left]));
-            self.moving[place] += u64::from(moves);
             let [own, other] = [left, left.mirrored()].map(|own| as_recorded(turned, own));
-            self.copied[place] += u64::from(moves && !differs(&own, &other));
+            let is_its_own_image = own.i.hypot(own.k) < SIDEWAYS;
+            let tells = moves && !is_its_own_image;
+            self.moving[place] += u64::from(tells);
+            self.copied[place] += u64::from(tells && !differs(&own, &other));
         }
     }
 

@@ -32,9 +32,10 @@ const ACCELERATION: f64 = 300.0;
 const USUAL: f64 = 8.0;
 /// Jumps of the velocity that a single wrong frame makes, twice.
 const GLITCHES: u64 = 4;
-/// Mean distance between displacement and velocity in one frame (m) beyond which positions are mostly noise, and the longest
-/// frame for which it is judged (s).
+/// Mean distance between displacement and velocity in one frame beyond which positions are mostly noise, in m and as a share
+/// of the way, and the longest frame for which it is judged (s).
 const SCATTERS: f64 = 0.1;
+const SCATTERS_SHARE: f64 = 0.5;
 const FRAME: f64 = 0.02;
 /// Mean change of velocity in such a frame (m/s) beyond which velocities are mostly noise.
 const VELOCITY_SCATTERS: f64 = 5.0;
@@ -89,8 +90,10 @@ pub(super) struct Paths {
     /// Time (s) and size (m) of the first jump of the pelvis that its velocity does not explain, and their number.
     jump: Option<(f64, f64)>,
     jumps: u64,
-    /// Sum of the distances between displacement and velocity in short frames (m), and their number.
+    /// Sum of the distances between displacement and velocity in short frames (m), of the ways by velocity, and the number of
+    /// frames.
     scatter: f64,
+    short_ways: f64,
     short_frames: u64,
     short_changes: f64,
     zeros: Zeros,
@@ -127,6 +130,7 @@ impl Paths {
         let change = (velocity - before).norm();
         if duration < FRAME {
             self.scatter += apart;
+            self.short_ways += by_velocity.norm();
             self.short_changes += change;
             self.short_frames += 1;
         }
@@ -234,9 +238,10 @@ impl Paths {
         #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
         let count = self.short_frames as f64;
         let (scatter, change) = (self.scatter / count, self.short_changes / count);
-        if scatter > SCATTERS {
+        let most = SCATTERS.max(SCATTERS_SHARE * self.short_ways / count);
+        if scatter > most {
             Some(format!(
-                "positions scatter by {scatter:.2} m from frame to frame against the velocities; expected less than {SCATTERS} m"
+                "positions scatter by {scatter:.2} m from frame to frame against the velocities; expected less than {most:.1} m"
             ))
         } else if change > VELOCITY_SCATTERS {
             Some(format!(

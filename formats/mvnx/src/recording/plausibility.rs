@@ -2,7 +2,7 @@
 //! whose two sides are apart. Each finding names the segment and the time.
 
 use bodyflight_core::SegmentArray;
-use nalgebra::UnitQuaternion;
+use nalgebra::{UnitQuaternion, Vector3};
 
 use super::frame::FlightFrame;
 use super::warning::Warning;
@@ -58,6 +58,9 @@ pub(super) struct OpenJoint {
     pub(super) apart: f64,
 }
 
+/// Cosine of the tilt of a pelvis that is exactly upright.
+const UPRIGHT: f64 = 1.0 - 1e-9;
+
 /// A joint that may have stopped.
 #[derive(Debug, Clone, Copy)]
 struct Joint {
@@ -92,6 +95,8 @@ pub(super) struct Plausibility {
     open: Vec<(String, Run)>,
     /// The time in which no segment turns at all, if none ever did.
     rigid: Option<Run>,
+    /// Whether the pelvis is upright then, as it is where attitudes are left at one.
+    stands: bool,
     has_turned: bool,
 }
 
@@ -119,6 +124,8 @@ impl Plausibility {
         if let Some((before, changes)) = before {
             self.compare(before, frame, changes);
             self.has_turned |= changes.values().any(|change| *change >= SAME);
+            let up = *before.pelvis.inertial_from_body.quaternion() * Vector3::z();
+            self.stands = up.z > UPRIGHT;
             let rigid = self.rigid.get_or_insert_with(|| Run::new(before));
             rigid.last = frame.time;
             let moved = frame.pelvis.position.components - before.pelvis.position.components;
@@ -240,7 +247,11 @@ impl Plausibility {
                 "no segment turns at all from {:.3} to {:.3} s: the attitudes are not recorded",
                 run.first.1, run.last
             );
-            Warning::fault(run.first.0, [run.first.1, run.last], message)
+            // A steady fall may have been made up.
+            Warning {
+                is_fault: self.stands,
+                ..Warning::fault(run.first.0, [run.first.1, run.last], message)
+            }
         });
         frozen
             .chain(self.stiff())

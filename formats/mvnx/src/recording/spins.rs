@@ -1,7 +1,7 @@
 //! Attitudes and angular velocities of the pelvis, second by second: what agrees on the whole may be wrong for a while, and
-//! what agrees over a second may be noise from frame to frame.
+//! what agrees over a second may be noise from frame to frame. A constant bias of the gyroscope is no fault of a recording.
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 
 use super::agreement::Zeros;
 
@@ -10,6 +10,12 @@ use super::agreement::Zeros;
 const PIECE: f64 = 1.0;
 const PARTED: f64 = 0.4;
 const PARTED_SHARE: f64 = 0.15;
+/// Most times that are kept in which the two part.
+const MOST: usize = 1000;
+/// Largest bias of a gyroscope (rad/s), and the least that is told, in at least so many times.
+const LARGEST_BIAS: f64 = 0.9;
+const LEAST_BIAS: f64 = 0.1;
+const LEAST_PIECES: u32 = 3;
 /// Time over which single differences are averaged (s), the fewest such times, and the mean difference of the two (rad/s) that
 /// is mostly noise.
 const BRIEF: f64 = 0.1;
@@ -23,15 +29,27 @@ struct Piece {
     by_attitudes: Vector3<f64>,
     by_rates: Vector3<f64>,
     ways: [f64; 2],
+    /// What the angular velocities turn further than the attitudes, in axes of the body (rad).
+    further: Vector3<f64>,
+}
+
+/// A time in which the two part (s), and what the angular velocities turn further, in axes of the body (rad).
+#[derive(Debug, Clone, Copy)]
+struct Parted {
+    span: [f64; 2],
+    further: Vector3<f64>,
+    limit: f64,
 }
 
 /// What has been seen of the rotation.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Spins {
     piece: Option<Piece>,
-    /// When the two part (s), by how much at most (rad), and in how many pieces.
-    parted: Option<([f64; 2], f64)>,
+    parted: Vec<Parted>,
+    /// Pieces, their length (s), and what the angular velocities turn further in all of them.
     pieces: u32,
+    length: f64,
+    further: Vector3<f64>,
     /// When the present brief time began (s), and what the two differ by since (rad).
     brief: Option<(f64, Vector3<f64>)>,
     briefs: u32,
@@ -41,13 +59,14 @@ pub(super) struct Spins {
 
 impl Spins {
     /// Takes the rotation between two frames (rad), the angular velocities in both (rad/s), all in inertial axes, the time
-    /// of the second and the time between them (s).
+    /// of the second and the time between them (s), and the attitude then.
     pub(super) fn see(
         &mut self,
         time: f64,
         duration: f64,
         turn: &Vector3<f64>,
         [before, now]: [&Vector3<f64>; 2],
+        inertial_from_body: &UnitQuaternion<f64>,
     ) {
         let by_rates = 0.5 * (before + now) * duration;
         let (begin, apart) = self
@@ -65,22 +84,63 @@ impl Spins {
             by_attitudes: Vector3::zeros(),
             by_rates: Vector3::zeros(),
             ways: [0.0; 2],
+            further: Vector3::zeros(),
         });
         piece.by_attitudes += turn;
         piece.by_rates += by_rates;
         piece.ways[0] += turn.norm();
         piece.ways[1] += by_rates.norm();
+        piece.further += inertial_from_body.inverse_transform_vector(&(by_rates - turn));
         if time - piece.begin < PIECE {
             return;
         }
+        self.pieces += 1;
+        self.length += time - piece.begin;
+        self.further += piece.further;
         let apart = (piece.by_attitudes - piece.by_rates).norm();
-        if apart > PARTED + PARTED_SHARE * piece.ways[0].max(piece.ways[1]) {
-            self.pieces += 1;
-            let (span, largest) = self.parted.get_or_insert(([piece.begin, time], apart));
-            span[1] = time;
-            *largest = largest.max(apart);
+        let limit = PARTED + PARTED_SHARE * piece.ways[0].max(piece.ways[1]);
+        if apart > limit && self.parted.len() < MOST {
+            self.parted.push(Parted {
+                span: [piece.begin, time],
+                further: piece.further,
+                limit,
+            });
         }
         self.piece = None;
+    }
+
+    /// Times in which the two part by more than a bias (rad/s, axes of the body) explains, each with how far (rad).
+    fn unexplained(&self, bias: Vector3<f64>) -> impl DoubleEndedIterator<Item = (&Parted, f64)> {
+        let apart = move |part: &Parted| {
+            let [begin, end] = part.span;
+            (part.further - bias * (end - begin)).norm()
+        };
+        let all = self.parted.iter().map(move |part| (part, apart(part)));
+        all.filter(|(part, apart)| *apart > part.limit)
+    }
+
+    /// A constant bias of the gyroscope (rad/s, axes of the body): the mean difference, if a gyroscope may have it and it
+    /// explains where the two part.
+    fn bias(&self) -> Vector3<f64> {
+        let mean = self.further / self.length.max(PIECE);
+        let explains = self.parted.is_empty() || self.unexplained(mean).count() < self.parted.len();
+        if mean.norm() < LARGEST_BIAS && explains {
+            mean
+        } else {
+            Vector3::zeros()
+        }
+    }
+
+    /// A bias of the gyroscope that is worth telling, in a sentence.
+    pub(super) fn biased(&self) -> Option<String> {
+        let bias = self.bias().map(f64::to_degrees);
+        let tells = self.pieces >= LEAST_PIECES && bias.norm().to_radians() > LEAST_BIAS;
+        tells.then(|| {
+            format!(
+                "the angular velocities of the pelvis are off by a mean of {:.1}, {:.1} and {:.1} degrees/s about its axes against the attitudes: a bias of the gyroscope",
+                bias.x, bias.y, bias.z
+            )
+        })
     }
 
     /// Forgets what is compared across a gap.
@@ -89,13 +149,19 @@ impl Spins {
         self.brief = None;
     }
 
-    /// When attitudes and angular velocities part, in a sentence, with the time it concerns (s).
+    /// When attitudes and angular velocities part, but for a bias, in a sentence, with the time it concerns (s).
     pub(super) fn parted(&self) -> Option<(String, [f64; 2])> {
-        let (span, apart) = self.parted?;
+        let mut parted = self.unexplained(self.bias());
+        let (first, largest) = parted.next()?;
+        let (count, last, largest) = parted
+            .fold((1, first, largest), |(count, _, largest), (part, apart)| {
+                (count + 1, part, largest.max(apart))
+            });
+        let span = [first.span[0], last.span[1]];
         let message = format!(
             "attitudes and angular velocities of the pelvis part by up to {:.0} degrees within a second, {} times from {:.3} to {:.3} s: one of them is wrong or missing there",
-            apart.to_degrees(),
-            self.pieces,
+            largest.to_degrees(),
+            count,
             span[0],
             span[1]
         );
@@ -126,14 +192,26 @@ impl Spins {
 mod tests {
     use super::*;
 
-    /// A body that rolls at 2 rad/s, whose rates `change` spoils by time and number of the frame.
+    /// Angular velocity of a body that rolls (rad/s).
+    fn rolls() -> Vector3<f64> {
+        Vector3::x() * 2.0
+    }
+
+    /// A body that rolls, whose rates `change` spoils by time and number of the frame.
     fn seen(change: impl Fn(f64, u32, Vector3<f64>) -> Vector3<f64>) -> Spins {
         let mut spins = Spins::default();
-        let rolls = Vector3::x() * 2.0;
+        let rolls = rolls();
         for index in 1..500_u32 {
             let [before, time] = [index - 1, index].map(|at| f64::from(at) / 100.0);
             let rates = [change(before, index - 1, rolls), change(time, index, rolls)];
-            spins.see(time, 0.01, &(rolls * 0.01), [&rates[0], &rates[1]]);
+            let attitude = UnitQuaternion::from_scaled_axis(rolls * time);
+            spins.see(
+                time,
+                0.01,
+                &(rolls * 0.01),
+                [&rates[0], &rates[1]],
+                &attitude,
+            );
         }
         spins
     }
@@ -160,6 +238,13 @@ mod tests {
             said.contains("in 50 of 499 frames") && (first - 2.0).abs() < 1e-9,
             "{said}"
         );
+        let biased = seen(|time, _, rate| {
+            let attitude = UnitQuaternion::from_scaled_axis(rolls() * time);
+            rate + attitude * Vector3::new(0.4, 0.4, -0.4)
+        });
+        assert_eq!(biased.parted(), None);
+        assert!((biased.bias() - Vector3::new(0.4, 0.4, -0.4)).amax() < 0.01);
+        assert!(biased.biased().is_some());
         let noise =
             seen(|_, index, rate| rate + Vector3::y() * if index % 40 < 20 { 4.0 } else { -4.0 });
         assert_eq!(noise.parted(), None);

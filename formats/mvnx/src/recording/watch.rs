@@ -54,6 +54,8 @@ const RATES_APART: f64 = 0.3;
 const EVEN: f64 = 0.995;
 const EVEN_APART: f64 = 0.05;
 const JUMPS: f64 = 20.0;
+/// Shortest recording whose postures and rates are judged frame by frame (s).
+pub(super) const JUDGED: f64 = 0.5;
 
 /// What is said if velocities and angular velocities are both opposite to the motion. The two explanations give the same
 /// numbers: gravity does not tell the direction of time.
@@ -179,7 +181,8 @@ impl Watch {
             let from = before.inertial_from_body.quaternion();
             let turn = (now.inertial_from_body.quaternion() * from.inverse()).scaled_axis();
             let rates = [&first.components, &second.components];
-            self.spins.see(frame.time, duration, &turn, rates);
+            let attitude = now.inertial_from_body.quaternion();
+            self.spins.see(frame.time, duration, &turn, rates, attitude);
         }
         if let Some(recorded) = mean(before.angular_velocity, now.angular_velocity) {
             if self
@@ -218,8 +221,8 @@ impl Watch {
         }
     }
 
-    /// The implausible findings so far.
-    pub(super) fn warnings(&self) -> Vec<Warning> {
+    /// The implausible findings so far. Postures are judged from this length (s) on.
+    pub(super) fn warnings(&self, postures_from_s: f64) -> Vec<Warning> {
         let (Some(first), Some((last, ..))) = (&self.first, &self.last) else {
             return Vec::new();
         };
@@ -242,7 +245,7 @@ impl Watch {
                 is_fault,
                 ..Warning::fault(frame, whole, message)
             });
-        } else {
+        } else if whole[1] - whole[0] >= JUDGED {
             warnings.extend(self.of_spin(last.index, whole));
         }
         warnings.extend(self.of_path(last.index, whole));
@@ -254,7 +257,9 @@ impl Watch {
         if let Some((message, span)) = contradiction.filter(|_| !is_backwards && !is_clock_wrong) {
             warnings.push(Warning::fault(last.index, span.unwrap_or(whole), message));
         }
-        warnings.extend(self.anatomy.warnings((last.index, last.time)));
+        if whole[1] - whole[0] >= postures_from_s {
+            warnings.extend(self.anatomy.warnings((last.index, last.time)));
+        }
         warnings.extend(self.segments.warnings());
         warnings.extend(self.limbs.warnings((last.index, last.time), sound));
         warnings
@@ -307,8 +312,11 @@ impl Watch {
         let empty = empty.map(|(message, first)| Warning::fault(last, [first, whole[1]], message));
         let scatters = self.spins.scatters();
         let scatters = scatters.map(|message| Warning::fault(last, whole, message));
+        let biased = self.spins.biased().filter(|_| empty.is_none());
+        let biased = biased.map(|message| Warning::new(last, message));
         // What is missing is told once.
-        empty.or(parted).into_iter().chain(scatters).collect()
+        let missing = empty.or(parted);
+        missing.into_iter().chain(biased).chain(scatters).collect()
     }
 
     /// What no fall of a person does over the `whole` flight (s), up to frame `last`.
@@ -462,7 +470,7 @@ mod tests {
             let written = (frame.index as f64 * 1000.0 / RATE).round();
             watch.see(frame, Some(written), None, &nothing());
         }
-        watch.warnings()
+        watch.warnings(JUDGED)
     }
 
     fn watched(frames: u64, change: impl Fn(&mut FlightFrame)) -> Vec<Warning> {
@@ -621,7 +629,7 @@ mod tests {
                 let written = (index as f64 * 1000.0 / 105.0).round();
                 watch.see(&frame, Some(written), None, &nothing());
             }
-            watch.warnings()
+            watch.warnings(JUDGED)
         };
         let header = clocks(RATE);
         assert!(
@@ -688,11 +696,11 @@ mod tests {
             watch.see(&frame, Some(written), None, &nothing());
             seconds.see(&frame, Some(index as f64 / RATE), None, &nothing());
         }
-        let warnings = watch.warnings();
+        let warnings = watch.warnings(JUDGED);
         assert!(
             says(&warnings, "240.0 frames per second, the header 100.0"),
             "{warnings:?}"
         );
-        assert_eq!(seconds.warnings(), []);
+        assert_eq!(seconds.warnings(JUDGED), []);
     }
 }
