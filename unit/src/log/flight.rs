@@ -218,13 +218,14 @@ fn fill_velocities(frames: &mut [FlightFrame]) {
 
 /// A log contains no position: it is integrated from the velocity.
 fn integrate_positions(frames: &mut [FlightFrame]) {
-    let mut last: Option<(f64, Vector<f64, Inertial>, Vector<f64, Inertial>)> = None;
+    let velocity = |of: &FlightFrame| of.pelvis.velocity.unwrap_or_else(Vector::zero);
+    let mut last: Option<FlightFrame> = None;
     for frame in frames {
-        let velocity = frame.pelvis.velocity.unwrap_or_else(Vector::zero);
-        if let Some((time, before, position)) = last {
-            frame.pelvis.position = position + (before + velocity) * (0.5 * (frame.time - time));
+        if let Some(last) = last {
+            let mean = (velocity(&last) + velocity(frame)) * 0.5;
+            frame.pelvis.position = last.pelvis.position + mean * (frame.time - last.time);
         }
-        last = Some((frame.time, velocity, frame.pelvis.position));
+        last = Some(*frame);
     }
 }
 
