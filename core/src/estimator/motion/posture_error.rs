@@ -148,8 +148,7 @@ impl<T: Real> PostureError<T> {
         if self.next == 0
             && let Some(segments) = &self.segments
         {
-            let columns = of_segments(&self.columns, posture, segments);
-            self.covariance = covariance_of(&columns);
+            self.covariance = covariance_of_segments(&self.columns, posture, segments);
         }
     }
 
@@ -188,33 +187,49 @@ pub fn columns<T: Real>(
 
 /// Load per standard deviation of each segment about its axes, from the load per radian of each joint axis ([`columns`]):
 /// turning a segment on its own turns the joints beyond it back.
-#[inline(never)]
 pub fn of_segments<T: Real>(
     columns: &[SVector<T, 6>; JOINT_AXES],
     posture: &Posture<T>,
     deviations: &SegmentArray<T>,
 ) -> [SVector<T, 6>; JOINT_AXES] {
-    let mut found = *columns;
-    let children = Segment::ALL.into_iter().skip(1).enumerate();
-    for (child, segment) in children {
-        let Some(parent) = segment.parent().filter(|p| *p != Segment::Pelvis) else {
+    core::array::from_fn(|index| of_segment(columns, posture, deviations, index))
+}
+
+/// One of [`of_segments`].
+fn of_segment<T: Real>(
+    columns: &[SVector<T, 6>; JOINT_AXES],
+    posture: &Posture<T>,
+    deviations: &SegmentArray<T>,
+    index: usize,
+) -> SVector<T, 6> {
+    let segment = segment_of(index);
+    let mut found = columns[index];
+    for (child, beyond) in Segment::ALL.into_iter().skip(1).enumerate() {
+        if beyond.parent() != Some(segment) {
             continue;
-        };
-        let turn = posture
-            .parent_from_segment(segment)
-            .to_rotation_matrix()
-            .into_inner();
-        let first = 3 * (parent as usize - 1);
-        for axis in 0..3 {
-            for own in 0..3 {
-                found[first + axis] -= columns[3 * child + own] * turn[(axis, own)];
-            }
+        }
+        let turn = posture.parent_from_segment(beyond).to_rotation_matrix();
+        for own in 0..3 {
+            found -= columns[3 * child + own] * turn[(index % 3, own)];
         }
     }
-    for (index, column) in found.iter_mut().enumerate() {
-        *column *= deviations[segment_of(index)];
+    found * deviations[segment]
+}
+
+/// Covariance of a load if the segments are off, each on its own. Kept out of line and without a copy of the columns,
+/// because of the unit's stack.
+#[inline(never)]
+fn covariance_of_segments<T: Real>(
+    columns: &[SVector<T, 6>; JOINT_AXES],
+    posture: &Posture<T>,
+    deviations: &SegmentArray<T>,
+) -> SMatrix<T, 6, 6> {
+    let mut covariance = SMatrix::<T, 6, 6>::zeros();
+    for index in 0..JOINT_AXES {
+        let column = of_segment(columns, posture, deviations, index);
+        covariance += column * column.transpose();
     }
-    found
+    covariance
 }
 
 /// The posture with each segment turned on its own, by angles about its axes (rad), three for each segment in the order
