@@ -3,8 +3,8 @@
 use crate::body::Segment;
 
 use Segment::{
-    Abdomen, Head, LeftFoot, LeftForearm, LeftHand, LeftShank, LeftThigh, LeftUpperArm, Pelvis,
-    RightFoot, RightForearm, RightHand, RightShank, RightThigh, RightUpperArm, Thorax,
+    Head, LeftFoot, LeftForearm, LeftShank, LeftThigh, LeftUpperArm, Pelvis, RightFoot,
+    RightForearm, RightShank, RightThigh, RightUpperArm, Thorax,
 };
 
 /// Sets by their number of sensors, in order of size. Fewer than eight leave so much open that their postures are a
@@ -48,24 +48,7 @@ pub const SETS: [&[Segment]; 5] = [
         RightShank,
         RightFoot,
     ],
-    &[
-        Pelvis,
-        Abdomen,
-        Thorax,
-        Head,
-        LeftUpperArm,
-        LeftForearm,
-        LeftHand,
-        RightUpperArm,
-        RightForearm,
-        RightHand,
-        LeftThigh,
-        LeftShank,
-        LeftFoot,
-        RightThigh,
-        RightShank,
-        RightFoot,
-    ],
+    &Segment::ALL,
 ];
 
 /// The set of this many sensors.

@@ -229,7 +229,7 @@ fn covariance_of_segments<T: Real>(
         let column = of_segment(columns, posture, deviations, index);
         covariance += column * column.transpose();
     }
-    covariance
+    invertible(covariance)
 }
 
 /// The posture with each segment turned on its own, by angles about its axes (rad), three for each segment in the order
@@ -257,7 +257,12 @@ pub fn covariance_of<T: Real>(columns: &[SVector<T, 6>; JOINT_AXES]) -> SMatrix<
     for column in columns {
         covariance += column * column.transpose();
     }
-    // Keeps the matrix invertible if no joint affects a component.
+    invertible(covariance)
+}
+
+/// Keeps the covariance invertible if no joint affects a component.
+#[inline(always)]
+fn invertible<T: Real>(mut covariance: SMatrix<T, 6, 6>) -> SMatrix<T, 6, 6> {
     for k in 0..6 {
         covariance[(k, k)] += T::of(COVARIANCE_FLOOR);
     }
