@@ -11,8 +11,9 @@ use std::time::{Duration, Instant};
 use bodyflight_shared_data::{LEFT_OUT, listed};
 use bodyflight_tests::program::{ctrl_c, text};
 
-/// Documented commands listen on fixed ports, so only one test runs them at a time.
-static COMMANDS: Mutex<()> = Mutex::new(());
+/// Documented commands of these verbs use fixed ports, so only one of them runs at a time.
+const WITH_PORTS: [&str; 5] = ["fly", "mvn", "stream", "unit", "view"];
+static PORTS: Mutex<()> = Mutex::new(());
 
 /// The program.
 const BODYFLIGHT: &str = env!("CARGO_BIN_EXE_bodyflight");
@@ -232,6 +233,10 @@ fn tried(place: &Path, example: &[String]) -> (Option<i32>, String) {
         word.replace("/dev/", "absent/")
             .replace("/media/", "absent/")
     });
+    let alone = example
+        .first()
+        .is_some_and(|verb| WITH_PORTS.contains(&verb.as_str()));
+    let _alone = alone.then(|| PORTS.lock().unwrap_or_else(PoisonError::into_inner));
     let mut child = Command::new(BODYFLIGHT)
         .args(words)
         .current_dir(place)
@@ -299,7 +304,6 @@ fn complaint(place: &Path, name: &str, example: &[String]) -> Option<String> {
 
 #[test]
 fn the_examples_of_the_help_work() {
-    let _alone = COMMANDS.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = tempfile::tempdir().expect("a folder");
     let base = folder.path().join("base");
     fs::create_dir(&base).expect("a folder");
@@ -374,7 +378,6 @@ fn make_room(place: &Path, example: &[String]) {
 
 #[test]
 fn the_commands_of_the_pages_work() {
-    let _alone = COMMANDS.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = tempfile::tempdir().expect("a folder");
     let base = folder.path().join("base");
     fs::create_dir(&base).expect("a folder");

@@ -235,9 +235,12 @@ pub fn tune(
     let interrupted = interrupt::requested();
     let checked = if interrupted { Vec::new() } else { checked? };
     let warnings = used.iter().chain(&held_out).flat_map(Loaded::said);
+    let doubts = report::gap_left(score_after)
+        .into_iter()
+        .chain(checked.iter().filter_map(HeldOut::doubt));
     Ok(Report {
         warnings: warnings.collect(),
-        doubts: checked.iter().filter_map(HeldOut::doubt).collect(),
+        doubts: doubts.collect(),
         guess,
         best: best.common,
         segments: differing(first, &best),

@@ -55,6 +55,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     if json {
         return terminal::print_json(&report);
     }
+    for outcome in &report.outcomes {
+        terminal::print(&outcome.in_words());
+    }
     terminal::print(&format!("written: {}", report.report.display()));
     Ok(())
 }

@@ -18,7 +18,7 @@ use super::{several, simulate, terminal};
 #[command(
     after_help = "Example: bodyflight tune turn-1 turn-2 --hold-out turn-3 --draws 50 --out best.toml\n\n\
                   Ctrl-C ends the search and keeps the best so far. Exit code 5: a flight cannot be trusted or does not fly with \
-                  its own coefficients, or the best is worse than those on a flight held out."
+                  its own coefficients, the best leaves more than the paper's accuracy, or is worse on a flight held out."
 )]
 pub(super) struct Args {
     /// Flights to tune on.

@@ -217,6 +217,32 @@ fn summary(text: &mut String, outcomes: &[Outcome]) {
     }
 }
 
+impl Outcome {
+    /// How well the experiment is reconstructed, in a line: the worst channel of the matched flight and of the motion
+    /// filter.
+    pub fn in_words(&self) -> String {
+        let told = |gaps: &PerChannel| {
+            let (channel, times) = worst(gaps);
+            let (name, _) = channel.label();
+            if times <= 1.0 {
+                "within the paper's accuracy".to_owned()
+            } else {
+                format!("{name} {times:.1} times the paper's accuracy")
+            }
+        };
+        let [matched, motion] = [&self.matched, &self.motion_filter].map(told);
+        let doubt = self
+            .doubt
+            .as_ref()
+            .map(|doubt| format!(", doubtful: {doubt}"));
+        format!(
+            "{}: matched, {matched}; motion filter, {motion}{}",
+            self.name,
+            doubt.unwrap_or_default()
+        )
+    }
+}
+
 /// The channel with the largest ratio of gap to the paper's accuracy, and that ratio.
 fn worst(gaps: &PerChannel) -> (Channel, f64) {
     let over = PAPER.map(|(channel, accuracy)| (channel, gaps.get(channel) / accuracy));

@@ -52,6 +52,17 @@ impl Report {
     }
 }
 
+/// Why the best should not be trusted, if the gap that it leaves on the flights used is more than the accuracy of the
+/// method.
+pub(super) fn gap_left(score: f64) -> Option<String> {
+    (score > 1.0).then(|| {
+        format!(
+            "with the best coefficients the gap is still {score:.1} times the paper's accuracy: coefficients alone do not \
+             explain the flights used"
+        )
+    })
+}
+
 /// A flight that was not used in the search.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -103,6 +114,16 @@ mod tests {
             diverged,
         };
         held_out.doubt()
+    }
+
+    #[test]
+    fn a_best_that_leaves_a_gap_is_doubted() {
+        assert_eq!(gap_left(0.98), None);
+        let doubt = gap_left(2.589).unwrap();
+        assert!(
+            doubt.contains("still 2.6 times the paper's accuracy"),
+            "{doubt}"
+        );
     }
 
     #[test]
