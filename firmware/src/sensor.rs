@@ -3,13 +3,14 @@
 //! An Xsens MTi at the pelvis provides attitude, angular velocity, specific force and, where it has them, air pressure
 //! and the velocity of its receiver; a BNO08x in its UART-RVC mode attitude and specific force. A sensor that never sends
 //! an orientation is levelled at rest, and then its angular velocity is integrated; a receiver corrects it and finds its
-//! heading. The posture stays as the host set it;
+//! heading, and a magnetometer keeps it. The posture stays as the host set it;
 //! without one it is assumed. An MTi must be configured beforehand to send MTData2 with packet counter, sample time,
 //! acceleration and rate of turn, and orientation if it has it; see `docs/unit.md`. `NAV-PVT` solutions (UBX) of a u-blox
 //! receiver on the same port provide velocity for the next sample. On a line with several sensors the first that sends an
 //! orientation counts.
 
 mod aiding;
+mod compass;
 pub mod icm42688;
 mod level;
 mod reading;
@@ -256,7 +257,8 @@ impl Sensor {
             });
         }
         let (turn, force) = raw.filter(|_| self.address.is_none())?;
-        Some(self.level.update(time, turn, force, is_moving))
+        let field = reading.magnetic_field;
+        Some((self.level).update(time, [turn, force], field, is_moving))
     }
 
     /// Keeps a packet's solution and pressure for the next sample: they may come in packets of their own.

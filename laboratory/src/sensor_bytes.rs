@@ -50,6 +50,28 @@ pub struct Raw {
     pub bias: f64,
     /// Standard deviation of the error of its scale, each axis.
     pub scale: f64,
+    /// Its magnetometer, if it has one.
+    pub magnetometer: Option<Magnetometer>,
+}
+
+/// A magnetometer in a field of strength 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Magnetometer {
+    /// Angle of the field below the horizon (rad).
+    pub dip: f64,
+    /// Angle of its horizontal part from north towards west (rad).
+    pub declination: f64,
+    /// Standard deviation of what the sensor and its surroundings add, constant in sensor axes and white, each axis.
+    pub error: [f64; 2],
+}
+
+impl Magnetometer {
+    /// The field in inertial axes.
+    fn field(&self) -> Vector<f64, Inertial> {
+        let (down, along) = self.dip.sin_cos();
+        let (west, north) = self.declination.sin_cos();
+        Vector::new(along * north, along * west, -down)
+    }
 }
 
 impl SensorBytes {
@@ -70,9 +92,13 @@ impl SensorBytes {
         let mut noise = Noise(ChaCha8Rng::seed_from_u64(self.seed));
         let [white, constant] = self.specific_force.unwrap_or_default();
         let bias = noise.vector(constant);
-        let raw = self.raw.map(|raw| Gyroscope {
+        let raw = self.raw.map(|raw| RawErrors {
             bias: noise.vector(raw.bias),
             scale: noise.vector(raw.scale).add_scalar(1.0),
+            magnetometer: raw.magnetometer.map(|magnetometer| {
+                let [constant, white] = magnetometer.error;
+                (magnetometer.field(), noise.vector(constant), white)
+            }),
         });
         let mut answered = 0.0;
         let mut sent = self.at_rest(frames, bias, raw.as_ref(), &mut noise);
@@ -89,7 +115,8 @@ impl SensorBytes {
             let force = self.specific_force.map(|_| force);
             let pressure = pressure_at(frame.pelvis.position.up()) + self.pressure * noise.normal();
             let at = (lead + index, rest + frame.time);
-            let mut bytes = packet(at, frame, raw.as_ref(), force, pressure);
+            let magnetic = raw.as_ref().and_then(|raw| raw.magnetic(frame, &mut noise));
+            let mut bytes = packet(at, frame, raw.as_ref(), [force, magnetic], pressure);
             // The solution that arrives now, and its instant.
             let instant = frame.time - self.latency;
             if self.receiver_rate > 0.0 && instant >= answered {
@@ -108,11 +135,10 @@ impl SensorBytes {
         &self,
         frames: &[FlightFrame],
         bias: Vector3<f64>,
-        raw: Option<&Gyroscope>,
+        errors: Option<&RawErrors>,
         noise: &mut Noise,
     ) -> Vec<(f64, Vec<u8>)> {
-        let (Some(raw_errors), Some(gyroscope), [first, second, ..]) = (self.raw, raw, frames)
-        else {
+        let (Some(raw), Some(errors), [first, second, ..]) = (self.raw, errors, frames) else {
             return Vec::new();
         };
         let interval = second.time - first.time;
@@ -122,24 +148,36 @@ impl SensorBytes {
         let up = body_from_inertial * Vector::<f64, Inertial>::new(0.0, 0.0, STANDARD_GRAVITY);
         let [white, _] = self.specific_force.unwrap_or_default();
         let mut sent = Vec::new();
-        while (sent.len() as f64) * interval < raw_errors.rest {
+        while (sent.len() as f64) * interval < raw.rest {
             let time = sent.len() as f64 * interval;
             let force = Vector3::from(up.to_array()) + bias + noise.vector(white);
             let force = self.specific_force.map(|_| force);
             let pressure = pressure_at(first.pelvis.position.up());
-            let bytes = packet((sent.len(), time), &still, Some(gyroscope), force, pressure);
-            sent.push((time - raw_errors.rest, bytes));
+            let vectors = [force, errors.magnetic(&still, noise)];
+            let bytes = packet((sent.len(), time), &still, Some(errors), vectors, pressure);
+            sent.push((time - raw.rest, bytes));
         }
         sent
     }
 }
 
-/// Errors of a gyroscope.
-struct Gyroscope {
-    /// Bias (rad/s).
+/// Errors of a sensor of rates and forces.
+struct RawErrors {
+    /// Bias of the gyroscope (rad/s).
     bias: Vector3<f64>,
-    /// Factor of each axis.
+    /// Factor of each of its axes.
     scale: Vector3<f64>,
+    /// The earth's field, what is added to it in sensor axes, and the deviation of the noise.
+    magnetometer: Option<(Vector<f64, Inertial>, Vector3<f64>, f64)>,
+}
+
+impl RawErrors {
+    /// What a magnetometer reads (sensor axes).
+    fn magnetic(&self, frame: &FlightFrame, noise: &mut Noise) -> Option<Vector3<f64>> {
+        let (field, added, white) = self.magnetometer?;
+        let field = frame.pelvis.inertial_from_body.inverse() * field;
+        Some(Vector3::from(field.to_array()) + added + noise.vector(white))
+    }
 }
 
 struct Noise(ChaCha8Rng);
@@ -195,8 +233,8 @@ fn pressure_at(height: f64) -> f64 {
 fn packet(
     (index, time): (usize, f64),
     frame: &FlightFrame,
-    raw: Option<&Gyroscope>,
-    force: Option<Vector3<f64>>,
+    raw: Option<&RawErrors>,
+    [force, magnetic]: [Option<Vector3<f64>>; 2],
     pressure: f64,
 ) -> Vec<u8> {
     let pelvis = &frame.pelvis;
@@ -204,10 +242,9 @@ fn packet(
     let turn = pelvis.angular_velocity.map(|spin| {
         let spin = pelvis.inertial_from_body.inverse() * spin;
         let spin = Vector3::from(spin.to_array());
-        let spin = raw.map_or(spin, |raw| spin.component_mul(&raw.scale) + raw.bias);
-        [spin.x, spin.y, spin.z].map(|part| part as f32)
+        raw.map_or(spin, |raw| spin.component_mul(&raw.scale) + raw.bias)
     });
-    let force = force.map(|force| [force.x, force.y, force.z].map(|part| part as f32));
+    let single = |vector: Vector3<f64>| [vector.x, vector.y, vector.z].map(|part| part as f32);
     let mut bytes = [0; LONGEST];
     let mut writer = PacketWriter::new(&mut bytes, MessageId::MT_DATA2);
     let counter = (index as u16).to_be_bytes();
@@ -220,11 +257,15 @@ fn packet(
     if raw.is_none() {
         let _ = writer.reals(attitude, &attitude_wxyz);
     }
-    if let Some(turn) = turn {
-        let _ = writer.reals(DataId::RATE_OF_TURN, &turn);
-    }
-    if let Some(force) = force {
-        let _ = writer.reals(DataId::ACCELERATION, &force);
+    let vectors = [
+        (DataId::RATE_OF_TURN, turn),
+        (DataId::ACCELERATION, force),
+        (DataId::MAGNETIC_FIELD, magnetic),
+    ];
+    for (id, vector) in vectors {
+        if let Some(vector) = vector {
+            let _ = writer.reals(id, &single(vector));
+        }
     }
     let _ = writer.item(DataId::BARO_PRESSURE, &pressure);
     let length = writer.finish().unwrap_or(0);

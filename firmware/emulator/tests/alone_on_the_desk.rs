@@ -6,7 +6,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 use bodyflight_emulator::sensed::{Errors, Sensed, is_consistent};
-use bodyflight_laboratory::sensor_bytes::{Raw, SensorBytes};
+use bodyflight_laboratory::sensor_bytes::{Magnetometer, Raw, SensorBytes};
 use bodyflight_unit::monitor::Input;
 use bodyflight_unit::sensor_line;
 use nalgebra::Vector3;
@@ -190,6 +190,7 @@ const RAW: Raw = Raw {
     rest: 3.0,
     bias: 0.01,
     scale: 0.005,
+    magnetometer: None,
 };
 
 /// The same after a longer rest than any assumption lasts.
@@ -306,6 +307,48 @@ fn without_a_change_of_velocity_north_stays_unknown() {
         let is_right = found.horizontal < 1.0 && found.vertical < 0.5 && degrees < 8.0;
         assert!(found.count == 0.0 || is_right, "{name}: {found:?}");
     }
+}
+
+/// Fields and their dips (rad), with iron near the sensor: nobody tells the unit where north is but they.
+const FIELDS: [(f64, f64); 3] = [(1.1, 0.0), (0.4, 0.15), (-1.2, -0.1)];
+
+/// Without a receiver the heading is that of the field, whatever it was on the ground: estimates that agree are right but
+/// for the declination.
+#[test]
+fn a_magnetometer_tells_north_without_a_receiver() {
+    let mut agreeing = 0;
+    for ((name, heading), (dip, declination)) in (FLIGHTS.iter())
+        .zip(HEADINGS.iter().cycle())
+        .zip(FIELDS.into_iter().cycle())
+    {
+        let magnetometer = Some(Magnetometer {
+            dip,
+            declination,
+            error: [0.01, 0.005],
+        });
+        let sensor = SensorBytes {
+            receiver_rate: 0.0,
+            raw: Some(Raw {
+                magnetometer,
+                ..RAW
+            }),
+            ..SensorBytes::TYPICAL
+        };
+        let Some(sensed) = Sensed::of(&format!("{name}/flight-0"), 12.0, &sensor).unwrap() else {
+            return;
+        };
+        let found = flown(&sensed.turned(*heading, &sensor), RAW.rest, true);
+        let degrees = found.attitude.to_degrees();
+        let declination = declination.to_degrees();
+        eprintln!(
+            "{name}: {:.0} estimates, {degrees:.1} deg, of which {declination:.1} are the field's",
+            found.count
+        );
+        agreeing += u32::from(found.count > 0.0);
+        let is_right = degrees < declination.abs() + 6.0;
+        assert!(found.count == 0.0 || is_right, "{name}: {found:?}");
+    }
+    assert!(agreeing >= 6, "{agreeing}");
 }
 
 /// A row of a table: velocity, horizontal and vertical (m/s), attitude (deg), muscle input, and that in its deviations.

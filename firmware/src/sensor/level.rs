@@ -3,14 +3,16 @@
 //! While the sensor lies or stands still, its specific force points up, and what its gyroscope reads is its bias. From
 //! then on the angular velocity is integrated. The attitude is never corrected towards the specific force in flight, which
 //! points along the force of the air there and not up. A receiver's velocity tells what part of it is that of the motion,
-//! and so corrects the attitude ([`super::aiding`]). Without one the heading is relative: it is zero where the sensor was
-//! level first. With one it is unknown until it has been found, and the attitude is no measurement as long as it is not.
+//! and so corrects the attitude ([`super::aiding`]). Without one the heading is that of a magnetometer
+//! ([`super::compass`]) or, without that too, relative: it is zero where the sensor was level first. With a receiver it is
+//! unknown until it has been found, and the attitude is no measurement as long as it is not.
 
 use bodyflight_core::Real;
 use bodyflight_core::math::{normalized, small_rotation};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::aiding::{Aiding, STANDARD_GRAVITY, Seen};
+use super::compass::Compass;
 
 /// The most by which an accelerometer at rest may differ from standard gravity (m/s2).
 const GRAVITY_ERROR: f32 = 0.5;
@@ -79,6 +81,9 @@ pub(super) struct Level {
     heading_error: f32,
     aiding: Aiding,
     has_receiver: bool,
+    compass: Compass,
+    /// Whether the receiver has told more of the heading since the field was last compared with it.
+    heading_told: bool,
     /// Whether the heading has been found since the last measurement.
     north_found: bool,
     rest: Option<Rest>,
@@ -95,6 +100,8 @@ impl Default for Level {
             heading_error: f32::INFINITY,
             aiding: Aiding::default(),
             has_receiver: false,
+            compass: Compass::default(),
+            heading_told: false,
             north_found: false,
             rest: None,
             last: None,
@@ -103,13 +110,13 @@ impl Default for Level {
 }
 
 impl Level {
-    /// Takes in angular velocity (rad/s) and specific force (m/s2) at `time`, in ticks of 0.1 ms. A sensor that is known
-    /// to move `is_moving` and never still.
+    /// Takes in angular velocity (rad/s), specific force (m/s2) and, if it is measured, the magnetic field (any unit) at
+    /// `time`, in ticks of 0.1 ms. A sensor that is known to move `is_moving` and never still.
     pub(super) fn update(
         &mut self,
         time: u32,
-        turn: Vector3<f32>,
-        force: Vector3<f32>,
+        [turn, force]: [Vector3<f32>; 2],
+        field: Option<Vector3<f32>>,
         is_moving: bool,
     ) -> Attitude {
         let elapsed = self.elapsed(time);
@@ -126,6 +133,9 @@ impl Level {
             let step = small_rotation(&turn);
             self.inertial_from_sensor = normalized((self.inertial_from_sensor * step).into_inner());
         }
+        if let Some(field) = field {
+            self.feel(&field, rest.is_some());
+        }
         let force = self.inertial_from_sensor * force;
         self.aiding.see(time, &force, elapsed.min(LONGEST_GAP));
         Attitude {
@@ -137,6 +147,29 @@ impl Level {
             north_found: core::mem::take(&mut self.north_found),
             is_levelled: true,
             is_still: rest.is_some(),
+        }
+    }
+
+    /// Takes in the magnetic field (sensor axes), which bounds the error of the heading.
+    fn feel(&mut self, field: &Vector3<f32>, is_at_rest: bool) {
+        if !self.error.is_finite() {
+            return;
+        }
+        let field = self.inertial_from_sensor * field;
+        if is_at_rest {
+            self.compass.rest(&field);
+        }
+        if !self.has_receiver {
+            self.compass.assume_magnetic_north();
+        } else if core::mem::take(&mut self.heading_told) {
+            (self.compass).learn(&field, self.error, self.heading_error);
+        }
+        let found = (self.compass).correction(&field, self.error, self.heading_error);
+        if let Some(found) = found {
+            self.north_found |= !self.heading_error.is_finite();
+            let (sine, cosine) = (found.turn * 0.5).sine_cosine();
+            self.correct(&normalized(Quaternion::new(cosine, 0.0, 0.0, sine)));
+            self.heading_error = found.error;
         }
     }
 
@@ -169,7 +202,11 @@ impl Level {
     /// Corrects the attitude by a receiver's velocity (m/s, inertial axes) with this deviation, which was right `age` (s)
     /// before the last measurement.
     pub(super) fn solution(&mut self, velocity: &Vector3<f32>, deviation: f32, age: f32) {
-        self.has_receiver = true;
+        if !core::mem::replace(&mut self.has_receiver, true) {
+            // Magnetic north is not that of the receiver.
+            self.compass.forget_north();
+            self.heading_error = f32::INFINITY;
+        }
         let Some(now) = self.last.filter(|_| self.error.is_finite()) else {
             return;
         };
@@ -194,11 +231,14 @@ impl Level {
                 ];
                 let turn = Vector3::new(turn.x * tilt, turn.y * tilt, turn.z * heading);
                 self.correct(&small_rotation(&turn));
+                self.heading_told = true;
             }
             Some(Seen::Heading(turn, deviation)) => {
                 self.correct(&turn);
                 self.heading_error = deviation.max(LEAST);
                 self.north_found = true;
+                self.compass.forget_north();
+                self.heading_told = true;
             }
             None => {}
         }
@@ -281,10 +321,10 @@ mod tests {
     ) -> Attitude {
         for _ in 1..seconds * 200 {
             *time = time.wrapping_add(50);
-            level.update(*time, turn.into(), force.into(), false);
+            level.update(*time, [turn.into(), force.into()], None, false);
         }
         *time = time.wrapping_add(50);
-        level.update(*time, turn.into(), force.into(), false)
+        level.update(*time, [turn.into(), force.into()], None, false)
     }
 
     #[test]
@@ -319,6 +359,50 @@ mod tests {
         );
     }
 
+    /// Turns by 20 rad about the vertical after a receiver has told north in a field 0.3 rad off; the gyroscope reads 0.5 %
+    /// too much. Returns the last attitude and the angle that was turned.
+    fn turned_for_long(has_magnetometer: bool) -> (Attitude, f32) {
+        let (mut level, mut time) = (Level::default(), 0_u32);
+        let (mut heading, mut velocity, mut last) = (0.4_f32, Vector3::zeros(), None);
+        let field = Vector3::new(0.45 * 0.3_f32.cos(), 0.45 * 0.3_f32.sin(), -0.89);
+        for sample in 0..30 * 100_u32 {
+            time += 100;
+            // At rest for 2 s, then thrown forwards for 8 s; the turn begins when nothing tells north any more.
+            let along = if (200..1000).contains(&sample) {
+                5.0
+            } else {
+                0.0
+            };
+            let rate = if sample > 1000 { 1.0 } else { 0.0 };
+            heading += rate * 0.01;
+            velocity += Vector3::x() * along * 0.01;
+            let (sine, cosine) = (heading * 0.5).sine_cosine();
+            let truth = UnitQuaternion::new_normalize(Quaternion::new(cosine, 0.0, 0.0, sine));
+            let force = truth.inverse() * Vector3::new(along, 0.0, STANDARD_GRAVITY);
+            let turn = Vector3::z() * rate * 1.005;
+            let field = has_magnetometer.then(|| truth.inverse() * field);
+            last = Some(level.update(time, [turn, force], field, sample > 200));
+            if sample % 20 == 0 {
+                level.solution(&velocity, 0.1, 0.0);
+            }
+        }
+        (last.unwrap(), heading)
+    }
+
+    #[test]
+    fn a_magnetometer_keeps_the_north_that_a_receiver_told() {
+        let (without, _) = turned_for_long(false);
+        assert!(!without.is_measured && without.heading_error > TRUSTED_HEADING);
+        let (with, heading) = turned_for_long(true);
+        let forward = with.inertial_from_sensor * Vector3::x();
+        let off = Vector3::new(heading.cos(), heading.sin(), 0.0) - forward;
+        assert!(off.norm() < 0.06, "{off}");
+        assert!(
+            with.is_measured && with.heading_error < TRUSTED_HEADING,
+            "{with:?}"
+        );
+    }
+
     #[test]
     fn after_many_turns_an_attitude_is_no_measurement() {
         let (mut level, mut time) = (Level::default(), 0);
@@ -331,7 +415,8 @@ mod tests {
         assert!(!turned.is_measured);
         let slow = |level: &mut Level, is_moving| {
             (0..400_u32).find(|k| {
-                let found = level.update(time + k * 50, [0.0; 3].into(), up.into(), is_moving);
+                let found =
+                    level.update(time + k * 50, [[0.0; 3].into(), up.into()], None, is_moving);
                 found.is_measured
             })
         };

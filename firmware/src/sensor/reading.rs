@@ -15,6 +15,8 @@ pub(super) struct Reading {
     pub(super) angular_velocity: Option<Vector3<f32>>,
     /// In sensor axes (m/s2).
     pub(super) specific_force: Option<Vector3<f32>>,
+    /// Magnetic field in sensor axes, in the sensor's unit.
+    pub(super) magnetic_field: Option<Vector3<f32>>,
     /// In inertial axes (m/s).
     pub(super) velocity: Option<Vector3<f32>>,
     /// Velocity in inertial axes, ground speed and standard deviation of a receiver (m/s).
@@ -83,6 +85,7 @@ impl Reading {
                 }
                 Ok(Item::RateOfTurn(values)) => reading.angular_velocity = finite(&values),
                 Ok(Item::Acceleration(values)) => reading.specific_force = finite(&values),
+                Ok(Item::MagneticField(values)) => reading.magnetic_field = finite(&values),
                 Ok(Item::VelocityXyz(system, values)) => {
                     let velocity = finite(&values);
                     reading.velocity = velocity.map(|v| system.inertial_from_earth() * v);

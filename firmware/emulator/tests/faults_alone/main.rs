@@ -134,6 +134,7 @@ const RAW: Raw = Raw {
     rest: 3.0,
     bias: 0.01,
     scale: 0.005,
+    magnetometer: None,
 };
 
 #[test]
