@@ -356,7 +356,8 @@ fn minute(seed: u64, counts: &mut Counts, ranges: &mut RangeWatch) {
         if wrong > 0.5 && before <= 0.5 {
             counts.confident_and_wrong += 1;
             println!(
-                "minute {seed}, {time:.2} s, {rate} Hz: {ratio:.1} deviations in {coordinate}; {last:?}"
+                "minute {seed}, {time:.2} s, {rate} Hz: {ratio:.1} deviations in {coordinate} during {:?}; {last:?}",
+                change.event
             );
         }
         if let Some(since) = waiting
