@@ -26,6 +26,8 @@ const SUSPECT: f32 = 60.0;
 /// Time for which it stays suspect once another channel has jumped back (s): one sensor's channels are believed again
 /// one after another.
 const EXCUSED: f32 = 1.0;
+/// Time after a jump in which the filter overshoots (s): what looks like a jump back is none.
+const OVERSHOOTS: f32 = 0.25;
 /// The same after the filter has lost a suspect sensor.
 const LOST_TRACK: f32 = 1.5;
 /// Share of a jump by which the jump back may differ.
@@ -112,7 +114,11 @@ impl<T: Real> Rejection<T> {
         let missing = value + self.jumped;
         let allowed = self.jumped * T::single(BACK);
         let clear = T::single(DEVIATIONS * DEVIATIONS) * noise;
-        self.is_suspect() && missing * missing <= allowed * allowed && value * value > clear
+        let overshoots = self.suspect > T::single(SUSPECT - OVERSHOOTS);
+        self.is_suspect()
+            && !overshoots
+            && missing * missing <= allowed * allowed
+            && value * value > clear
     }
 
     /// Ends a streak.
@@ -330,9 +336,11 @@ mod tests {
         assert_eq!(resets((1..960).map(now_and_then)), None);
     }
 
-    /// Judges the same innovation of channel 6 at 120 Hz until it is more than gated, or a second is over.
+    /// Judges the same innovation of channel 6 at 120 Hz until it is more than gated, or a second is over; within the gate
+    /// for a fifth of a second.
     fn judged(rejection: &mut Rejection<f64>, value: f64, within: bool) -> Verdict {
-        let mut verdicts = (0..120).map(|_| {
+        let number = if within { 24 } else { 120 };
+        let mut verdicts = (0..number).map(|_| {
             rejection.pass(1.0 / 120.0);
             rejection.judge(6, [value, 0.01], within, true)
         });
@@ -359,6 +367,8 @@ mod tests {
         let mut rejection = Rejection::<f64>::new();
         assert_eq!(judged(&mut rejection, 9.0, false), Verdict::Reset);
         assert!(rejection.is_suspect());
+        // The filter overshoots.
+        assert_eq!(judged(&mut rejection, -8.0, true), Verdict::Gate);
         // Noise, or another change, is none.
         for value in [0.3, -0.3, 9.0, -4.0] {
             assert_eq!(judged(&mut rejection, value, true), Verdict::Gate);
