@@ -70,7 +70,8 @@ fn an_estimate_worse_than_constant_coefficients_is_flagged() {
     {
         let inputs = line.split(',').skip(1).take(3);
         for input in inputs.map(|field| field.parse::<f64>().expect("a number")) {
-            assert!(input.abs() < 0.01, "{line}");
+            // What the digits of the file leave: its joints are exact, so nothing else takes it up.
+            assert!(input.abs() < 0.02, "{line}");
         }
     }
 }
