@@ -8,7 +8,7 @@ use bodyflight_core::estimator::motion::state::Difference;
 use bodyflight_core::estimator::motion::update::Innovation;
 use bodyflight_core::estimator::reduced::Reduced;
 
-use crate::report::JointErrorSource;
+use crate::report::{JointErrorSource, Report};
 use crate::run::Run;
 use crate::size::{Size, Sizes};
 use crate::whole;
@@ -42,6 +42,22 @@ pub(crate) struct JointErrors {
     pub(crate) source: JointErrorSource,
     /// Whether joints may be off by so much.
     pub(crate) is_plausible: bool,
+}
+
+impl JointErrors {
+    /// Tells them in a report, and doubts the estimate if joints cannot be off by so much.
+    pub(crate) fn tell(&self, report: &mut Report) {
+        let Size { mean, deviation } = self.size;
+        let mean = mean.to_degrees();
+        if !self.is_plausible {
+            report.doubt.get_or_insert_with(|| format!(
+                "the measurements can only be explained by joint errors of {mean:.1} degrees, more than recordings have: an effect that the model lacks acts"
+            ));
+        }
+        report.joint_error_deg = Some(mean);
+        report.joint_error_sd_deg = Some(deviation.to_degrees());
+        report.joint_error_source = Some(self.source);
+    }
 }
 
 /// Finds how large the joint errors are.

@@ -9,7 +9,7 @@ use bodyflight_core::estimator::motion::settings::MotionPreset;
 use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::reduced::Reduced;
 
-use crate::joint_errors::{JointErrors, joint_errors};
+use crate::joint_errors::joint_errors;
 use crate::measured::MeasuredFlight;
 use crate::replayed::Replayed;
 use crate::run::Run;
@@ -121,23 +121,8 @@ pub fn estimate(
         measured: &measured,
     };
     let mut estimation = replayed.report(points, &collector, flags, &preset, seconds)?;
-    if let Some(JointErrors {
-        size,
-        source,
-        is_plausible,
-    }) = found
-    {
-        let report = &mut estimation.report;
-        if !is_plausible {
-            let sentence = format!(
-                "the measurements can only be explained by joint errors of {:.1} degrees, more than recordings have: an effect that the model lacks acts",
-                size.mean.to_degrees()
-            );
-            report.doubt.get_or_insert(sentence);
-        }
-        report.joint_error_deg = Some(size.mean.to_degrees());
-        report.joint_error_sd_deg = Some(size.deviation.to_degrees());
-        report.joint_error_source = Some(source);
+    if let Some(errors) = found {
+        errors.tell(&mut estimation.report);
     }
     estimation.report.warn(measured.warnings.clone());
     Ok(estimation)
