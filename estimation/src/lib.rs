@@ -6,12 +6,16 @@
 #![forbid(unsafe_code)]
 
 pub mod assumed;
+pub mod constants;
+mod joint_errors;
 pub mod joints;
 pub mod measured;
 pub mod motion;
 mod replayed;
 pub mod report;
 pub mod request;
+mod run;
+pub mod size;
 pub mod smoother;
 pub mod verdict;
 pub mod whole;

@@ -86,6 +86,7 @@ impl Replayed<'_> {
                 duration_s,
                 delay_s: 0.0,
                 joint_error_deg: Some(f64::from(preset.joint_error.to_degrees())),
+                joint_error_sd_deg: None,
                 joint_error_source: Some(JointErrorSource::Given),
                 doubt: verdict::sentence(&worse, &consistency),
                 is_recording_doubtful: false,

@@ -76,8 +76,10 @@ pub struct Report {
     pub duration_s: f64,
     /// Time from a sample to the estimate for it (s): the prediction window.
     pub delay_s: f64,
-    /// Error of the recorded joints, per axis (deg), with which the motion filter counted.
+    /// Error of the recorded joints, as a standard deviation per axis (deg).
     pub joint_error_deg: Option<f64>,
+    /// Standard deviation of that number (deg), unless it was given.
+    pub joint_error_sd_deg: Option<f64>,
     /// Where that number comes from.
     pub joint_error_source: Option<JointErrorSource>,
     /// How consistent the motion filter was.
@@ -98,20 +100,26 @@ pub struct Report {
 pub enum JointErrorSource {
     /// A file or an option gave it.
     Given,
-    /// The smallest that the filter ever counts with; the recording shows no larger one, but could not show a smaller one.
+    /// The recording hardly tells it, so it is about what was thought likely before.
     Assumed,
-    /// The recording shows it: its innovations are most likely with it.
+    /// The recording shows it.
     Seen,
 }
 
-impl JointErrorSource {
-    /// An error of the joints (deg) in words.
-    pub fn in_words(self, degrees: f64) -> String {
-        match self {
-            Self::Given => format!("joint errors given as {degrees:.2} deg"),
-            Self::Assumed => format!("joint errors of {degrees:.2} deg assumed, none larger seen"),
-            Self::Seen => format!("joint errors of {degrees:.2} deg seen"),
-        }
+impl Report {
+    /// The error of the joints in words, with its own error bar if it was not given; `None` if no filter counted with it.
+    pub fn joint_error_in_words(&self) -> Option<String> {
+        let degrees = self.joint_error_deg?;
+        let deviation = self.joint_error_sd_deg.unwrap_or(0.0);
+        Some(match self.joint_error_source? {
+            JointErrorSource::Given => format!("joint errors given as {degrees:.2} deg"),
+            JointErrorSource::Assumed => {
+                format!("joint errors of {degrees:.1} +- {deviation:.1} deg assumed, hardly seen")
+            }
+            JointErrorSource::Seen => {
+                format!("joint errors of {degrees:.2} +- {deviation:.2} deg seen")
+            }
+        })
     }
 }
 

@@ -21,18 +21,11 @@ use bodyflight_core::estimator::motion::transition::{MotionSlope, spread};
 use bodyflight_core::estimator::motion::update::{self, Innovation};
 use nalgebra::{SMatrix, SVector};
 
+use crate::constants::{CONSTANTS, Constants, Found, Information};
 use crate::joints::{DIRECTIONS, Loads};
-
-/// Number of constants: joint errors, then offsets of muscle input and of damping over the flight, each in pitch, yaw
-/// and roll.
-pub const CONSTANTS: usize = DIRECTIONS + 6;
-
-/// One number for each constant.
-pub type Constants = SVector<f64, CONSTANTS>;
 
 /// Sensitivity of the state to each constant.
 type Effect = SMatrix<f64, STATES, CONSTANTS>;
-type Square = SMatrix<f64, CONSTANTS, CONSTANTS>;
 
 /// A measured channel that was used in an update.
 struct Taken {
@@ -63,17 +56,7 @@ pub struct Pass {
     difference: Difference<f64>,
     covariance: Covariance<f64>,
     effect: Effect,
-    information: Square,
-    seen: Constants,
-}
-
-/// The constants as estimated from the flight.
-#[derive(Debug, Clone, Copy)]
-pub struct Found {
-    /// Differences from their present values.
-    pub errors: Constants,
-    /// Covariance of the estimates.
-    pub covariance: Square,
+    information: Information,
 }
 
 /// The smoothed estimate at an instant.
@@ -179,8 +162,7 @@ impl Pass {
             difference: *difference,
             covariance: *start,
             effect,
-            information: Square::zeros(),
-            seen: Constants::zeros(),
+            information: Information::none(),
         }
     }
 
@@ -229,8 +211,7 @@ impl Pass {
             .effect
             .fixed_rows::<MOTION_STATES>(0)
             .tr_mul(&row.slope);
-        self.seen += effect * (value / variance);
-        self.information += effect * effect.transpose() / variance;
+        self.information.add(&effect, value, variance);
         self.effect -= spread * (effect.transpose() / variance);
         update::take(
             &mut self.covariance,
@@ -259,22 +240,9 @@ impl Pass {
         }
     }
 
-    /// Estimates the constants, given their prior mean `expected`, relative to their present values, and deviations.
-    pub fn constants(&self, expected: &Constants, deviations: &Constants) -> Found {
-        // In units of the deviations, so that unobserved constants stay well scaled.
-        let scale = Square::from_diagonal(deviations);
-        let scaled = Square::identity() + scale * self.information * scale;
-        let Some(factor) = scaled.cholesky() else {
-            return Found {
-                errors: Constants::zeros(),
-                covariance: scale * scale,
-            };
-        };
-        let covariance = scale * factor.inverse() * scale;
-        let before = expected.component_div(deviations);
-        let pull = self.seen + before.component_div(deviations);
-        let errors = covariance * pull;
-        Found { errors, covariance }
+    /// What the flight says of the constants.
+    pub fn information(&self) -> &Information {
+        &self.information
     }
 
     /// Runs backward over the flight. Returns smoothed estimates at the start and at the end of each interval, and

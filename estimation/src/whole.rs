@@ -27,8 +27,10 @@ use bodyflight_core::{Posture, SegmentArray};
 use nalgebra::Vector3;
 
 use crate::assumed::Assumed;
+use crate::constants::{Constants, Found};
 use crate::joints::{DIRECTIONS, Directions, JointDirections};
-use crate::smoother::{Constants, Pass, Score, Smoothed};
+use crate::size::{Size, Sizes};
+use crate::smoother::{Pass, Score, Smoothed};
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::progress;
 
@@ -85,6 +87,15 @@ pub struct Known {
     pub deviation: Difference<f64>,
 }
 
+/// The solution for a whole flight.
+#[derive(Debug, Clone)]
+pub struct Solution {
+    /// At the start and at the end of each interval.
+    pub known: Vec<Known>,
+    /// Size of the joint errors.
+    pub size: Size,
+}
+
 /// A forward pass over a flight.
 struct Flown {
     pass: Pass,
@@ -93,9 +104,11 @@ struct Flown {
 }
 
 impl Whole {
-    /// Takes the errors of segments as multiples of the preset's joint error, if there are any, the samples of a flight, beginning with the start, and the filter's states at the end of each interval.
+    /// Takes the possible sizes of the joint errors, the errors of segments as multiples of that size, if there are any, the
+    /// samples of a flight, beginning with the start, and the filter's states at the end of each interval.
     pub fn new(
         preset: &MotionPreset,
+        sizes: Sizes,
         (dynamics, applied): (&Dynamics<f64>, &AppliedLoads<f64>),
         segments: Option<SegmentArray<f64>>,
         samples: Vec<Sample>,
@@ -121,42 +134,61 @@ impl Whole {
             directions,
             trajectory,
             errors: Directions::zeros(),
-            assumed: Assumed::of(preset),
+            assumed: Assumed::of(preset, sizes),
         }
     }
 
-    /// Solves for the start and the end of each interval. The result is empty if there is no solution or if joint
-    /// errors wander.
+    /// Solves for the start and the end of each interval; `None` if there is no solution or if joint errors wander.
     ///
     /// # Errors
     /// Returns an error if the program is interrupted.
-    pub fn solve(mut self) -> Result<Vec<Known>> {
-        let mut known = Vec::new();
+    pub fn solve(mut self) -> Result<Option<Solution>> {
+        let mut solution = None;
         for iteration in 1..=ITERATIONS {
             progress::stage(format!("smoothing, pass {iteration} of {ITERATIONS}"));
-            let Ok(flown) = self.fly()? else {
+            let Some(next) = self.iterate()? else {
                 break;
             };
-            let mut expected = Constants::zeros();
-            expected
-                .fixed_rows_mut::<DIRECTIONS>(0)
-                .copy_from(&-self.errors);
-            let found = flown.pass.constants(&expected, &self.assumed.deviations());
-            let (smoothed, scores) = flown.pass.smoothed(&found);
-            let Some(next) = self.moved(&flown.process, &smoothed, &flown.intervals) else {
-                break;
-            };
-            self.trajectory = next.iter().map(|known| known.state).collect();
-            self.errors += found.errors.fixed_rows::<DIRECTIONS>(0);
-            self.wake(&scores.each);
-            self.assumed.follow(&found, &scores, &self.errors);
-            known = next;
+            solution = Some(next);
             if self.assumed.preset.joint_error > STAYS.to_radians() {
-                return Ok(Vec::new());
+                return Ok(None);
             }
         }
-        self.load_by_joints(&mut known);
-        Ok(known)
+        if let Some(solution) = &mut solution {
+            self.load_by_joints(&mut solution.known);
+        }
+        Ok(solution)
+    }
+
+    /// The constants after a forward pass, as differences from their present values; `None` without a solution.
+    fn constants(&self, flown: &Flown) -> Option<Found> {
+        let mut expected = Constants::zeros();
+        expected
+            .fixed_rows_mut::<DIRECTIONS>(0)
+            .copy_from(&-self.errors);
+        let Assumed { sizes, offsets, .. } = &self.assumed;
+        let information = flown.pass.information();
+        information.constants(&expected, sizes, offsets)
+    }
+
+    /// Moves trajectory, joint errors and assumptions to the solution of the linearized problem; `None` if there is none.
+    fn iterate(&mut self) -> Result<Option<Solution>> {
+        let Ok(flown) = self.fly()? else {
+            return Ok(None);
+        };
+        let Some(found) = self.constants(&flown) else {
+            return Ok(None);
+        };
+        let (smoothed, scores) = flown.pass.smoothed(&found);
+        let Some(known) = self.moved(&flown.process, &smoothed, &flown.intervals) else {
+            return Ok(None);
+        };
+        self.trajectory = known.iter().map(|known| known.state).collect();
+        self.errors += found.errors.fixed_rows::<DIRECTIONS>(0);
+        self.wake(&scores.each);
+        self.assumed.follow(&scores);
+        let size = found.size;
+        Ok(Some(Solution { known, size }))
     }
 
     /// Adds the effect of the joint errors to the residual load, so that recorded postures act like corrected ones.

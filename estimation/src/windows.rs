@@ -224,6 +224,7 @@ impl Collected {
                 rms_constant,
                 rms_free_run: None,
                 joint_error_deg: None,
+                joint_error_sd_deg: None,
                 joint_error_source: None,
                 consistency: Some(consistency),
                 amplitude: self.estimated.amplitude(),

@@ -49,9 +49,11 @@ pub fn input_panels(estimation: &Estimation) -> [Panel; 2] {
             .collect(),
         wraps: false,
     };
+    let joints = estimation.report.joint_error_in_words();
+    let joints = joints.map_or_else(String::new, |words| format!("; {words}"));
     [
         axes(
-            "muscle input coefficients, with bands of two standard deviations",
+            &format!("muscle input coefficients, with bands of two standard deviations{joints}"),
             |row| [row.pitch, row.yaw, row.roll],
         ),
         axes(

@@ -32,12 +32,8 @@ pub(super) fn print(estimation: &Estimation) {
             100.0 * found.doubtful,
             100.0 * found.lost,
             report
-                .joint_error_source
-                .zip(report.joint_error_deg)
-                .map_or_else(String::new, |(source, degrees)| format!(
-                    "; {}",
-                    source.in_words(degrees)
-                ))
+                .joint_error_in_words()
+                .map_or_else(String::new, |words| format!("; {words}"))
         ));
     }
     terminal::note_warnings(&report.warnings);
