@@ -62,10 +62,13 @@ const START_HEIGHT: f64 = 4000.0;
 
 /// Name of the file of a sensor's bytes.
 const SENSOR_FILE: &str = "imu.bin";
+/// Name of the file of the bytes on the line of sensors on the limbs.
+const LINE_FILE: &str = "chain.bin";
 
 /// Files of a synthetic flight; the segments only if the subject has its own table, and the sensor's bytes on request.
 pub const FILES: &[&str] = &[
     SENSOR_FILE,
+    LINE_FILE,
     "flight.toml",
     "subject.toml",
     SEGMENTS_FILE,
@@ -96,6 +99,8 @@ pub struct Additions<'a> {
     pub lever_arms: Option<[f32; 4]>,
     /// Segments with raw sensors, whose readings go into the folder `sensors`.
     pub limbs: Option<&'static [Segment]>,
+    /// Whether the bytes on the line of these sensors go into `chain.bin`.
+    pub chain: bool,
 }
 
 /// Same as [`synthesize`], with additions.
@@ -113,6 +118,7 @@ pub fn synthesize_with(
         muscle_forces,
         lever_arms,
         limbs,
+        chain,
     } = additions;
     request.check()?;
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
@@ -162,6 +168,10 @@ pub fn synthesize_with(
     if let Some(segments) = limbs {
         let streams = worn(request, &dynamics, segments)?;
         streams.write_in(&folder.join(limb_sensors::FOLDER))?;
+        if chain {
+            let bytes: Vec<u8> = streams.line().into_iter().flat_map(|(_, b)| b).collect();
+            write_file(&folder.join(LINE_FILE), &bytes)?;
+        }
     }
     write_inputs(request.maneuver, &folder.join("inputs.csv"))?;
     request.subject.write_in(folder)?;

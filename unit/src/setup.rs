@@ -3,7 +3,8 @@
 use std::time::Instant;
 
 use bodyflight_core::link::{
-    Configure, Message, SegmentTable, Setup, SetupAction, SetupAsk, SetupState, Stored, Verdict,
+    Configure, LimbTable, Message, SegmentTable, Setup, SetupAction, SetupAsk, SetupState, Stored,
+    Verdict,
 };
 use bodyflight_io::diagnostic::{Problem, Result};
 
@@ -101,18 +102,25 @@ fn ask(line: &mut Line, action: SetupAction) -> Result<(SetupState, Option<Setup
     for _ in 0..ATTEMPTS {
         let frame = line.frame(0, SetupAsk { action });
         line.write(&frame)?;
-        let (mut found, mut table) = (None, SegmentTable::new());
+        let (mut found, mut table, mut limbs) = (None, SegmentTable::new(), LimbTable::new());
         let deadline = Instant::now() + ANSWER_TIMEOUT;
         while let Some((_, _, message)) = line.next(deadline)? {
             match message {
                 Message::Configure(configure) => found = Some(configure),
                 Message::SegmentValues(row) => table.insert(row),
+                Message::LimbSensor(row) => {
+                    limbs.insert(&row);
+                }
                 Message::Stored(Stored {
                     state,
                     table_digest,
                 }) => {
                     let whole = found.filter(|_| table.digest() == table_digest);
-                    let setup = whole.map(|configure| Setup { configure, table });
+                    let setup = whole.map(|configure| Setup {
+                        configure,
+                        table,
+                        limbs,
+                    });
                     // A frame of the answer may have been lost: ask again.
                     let is_missing = state == SetupState::Present
                         && action == SetupAction::Read
@@ -143,7 +151,11 @@ mod tests {
     fn setup() -> Setup {
         let flight = Flight::bare(Path::new("none"));
         let (configure, table) = configuration_at(&flight, 0.0, "auto", 100.0).unwrap();
-        Setup { configure, table }
+        Setup {
+            configure,
+            table,
+            limbs: LimbTable::new(),
+        }
     }
 
     fn target(unit: &VirtualUnit) -> Target {

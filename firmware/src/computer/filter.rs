@@ -1,6 +1,6 @@
 //! The unit's two filters behind one interface: their inputs from a sample, and their outputs for the link.
 
-use bodyflight_core::Posture;
+use bodyflight_core::{Posture, SegmentArray};
 use bodyflight_core::dynamics::{Dynamics, Motion};
 use bodyflight_core::estimator::measurement::Measurement;
 use bodyflight_core::estimator::motion::ReducedMotionFilter;
@@ -81,6 +81,20 @@ impl Filter {
         match self {
             Self::Windows(filter) => filter.restart(motion, posture),
             Self::Motion(filter) => filter.restart_assuming(motion, posture, velocity_deviation),
+        }
+    }
+
+    /// Takes errors of segments (rad) after a start; the paper's filters know none.
+    pub(super) fn set_segment_errors(&mut self, deviations: &SegmentArray<f32>) {
+        if let Self::Motion(filter) = self {
+            filter.set_segment_errors(deviations);
+        }
+    }
+
+    /// Replaces them in flight.
+    pub(super) fn change_segment_errors(&mut self, deviations: &SegmentArray<f32>) {
+        if let Self::Motion(filter) = self {
+            filter.change_segment_errors(deviations);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bodyflight_core::link::{PackedQuaternion, SensorKind, Setup};
+use bodyflight_core::link::{LimbTable, PackedQuaternion, SensorKind, Setup};
 use bodyflight_core::nalgebra::{Quaternion, UnitQuaternion};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::Flight;
@@ -17,6 +17,8 @@ enum Protocol {
     Xbus,
     /// A BNO08x in its UART-RVC mode.
     Bno08xRvc,
+    /// Sensors on the limbs on one line.
+    Chain,
 }
 
 /// The sensor on the unit's own port.
@@ -66,7 +68,12 @@ impl SensorArgs {
         configure.sensor = match self.protocol.unwrap_or(Protocol::Xbus) {
             Protocol::Xbus => SensorKind::Xbus,
             Protocol::Bno08xRvc => SensorKind::Bno08xRvc,
+            Protocol::Chain => SensorKind::Chain,
         };
-        Ok(Setup { configure, table })
+        Ok(Setup {
+            configure,
+            table,
+            limbs: LimbTable::new(),
+        })
     }
 }
