@@ -101,11 +101,7 @@ impl Light {
     }
 
     /// Updates with the state of sensors on the limbs.
-    pub const fn see_calibration(
-        &mut self,
-        stage: CalibrationStage,
-        verdict: CalibrationVerdict,
-    ) {
+    pub const fn see_calibration(&mut self, stage: CalibrationStage, verdict: CalibrationVerdict) {
         self.limbs = match (stage, verdict) {
             (CalibrationStage::Absent | CalibrationStage::Worn, _) => None,
             (CalibrationStage::Waiting, _) => Some(UPRIGHT),
@@ -129,7 +125,10 @@ impl Light {
     fn pattern(&self) -> u32 {
         let is_silent = self.silent >= SILENCE;
         // Without postures good estimates are not what was configured.
-        let is_bad = !is_silent && self.flags.intersects(EstimateFlags::FAULT | EstimateFlags::LOST);
+        let is_bad = !is_silent
+            && self
+                .flags
+                .intersects(EstimateFlags::FAULT | EstimateFlags::LOST);
         if let Some(pattern) = self.limbs.filter(|_| !is_bad && !self.battery_low) {
             return pattern;
         }

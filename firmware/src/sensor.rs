@@ -27,8 +27,8 @@ use bodyflight_core::xbus::{Decoder, MessageId, SampleClock};
 use bodyflight_core::{Body, Posture, Real};
 use nalgebra::{UnitQuaternion, Vector3};
 
-pub(crate) use aiding::STANDARD_GRAVITY;
 use crate::limbs::{Limbs, PelvisReading};
+pub(crate) use aiding::STANDARD_GRAVITY;
 use level::{Attitude, Level};
 use reading::Reading;
 use receiver::Receiver;

@@ -25,6 +25,7 @@ use errors::SensorErrors;
 pub use errors::Sizes;
 use ground::Ground;
 use instant::Instant;
+pub use line::STANDING;
 pub use track::Fix;
 
 /// Folder of the files, below that of the flight.

@@ -8,14 +8,15 @@ use std::time::Duration;
 use bodyflight_core::Segment;
 use bodyflight_core::chain::Decoder;
 use bodyflight_core::link::{
-    Calibration, CalibrationVerdict, ChainReport, Estimate, EstimateFlags, Header, MAX_FRAME_LENGTH,
-    Message, SegmentErrors, SensorKind, Setup, Status,
+    Calibration, ChainReport, Estimate, EstimateFlags, Header, MAX_FRAME_LENGTH, Message,
+    SegmentErrors, SensorKind, Setup, Status,
 };
 use bodyflight_firmware::{Board, Identity, Unit};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
 use serde::Serialize;
 
+use crate::calibration::refused;
 use crate::log::{LoggedFlight, Written};
 use crate::monitor::{Chunk, Input, Xbus};
 use crate::stream::qemu::Qemu;
@@ -26,6 +27,8 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// Time lost (s) and share of doubtful estimates beyond which the result is not to be trusted, as in `estimate`.
 const LONGEST_LOST: f64 = 1.0;
 const LARGEST_DOUBT: f64 = 0.25;
+/// Time in which the filter sees that it begins on the ground (s).
+const LONGEST_ARRIVAL: f64 = 5.0;
 /// Bytes that a BNO08x in its UART-RVC mode sends in a second: a hundred packets of 19.
 const RVC_PACE: f64 = 1900.0;
 /// Share by which the rate of the samples may differ from the configured one.
@@ -91,9 +94,8 @@ impl Limbs {
     fn of(unit: &Unit<Desk>, chain: &ChainReport) -> Self {
         let rows = || unit.limbs().table().rows();
         let errors = unit.board().errors.get();
-        let has_failed = |segment: Segment| {
-            errors.is_some_and(|errors| errors.failed & 1 << segment as u8 != 0)
-        };
+        let has_failed =
+            |segment: Segment| errors.is_some_and(|errors| errors.failed & 1 << segment as u8 != 0);
         let failed = Segment::ALL.into_iter().filter(|s| has_failed(*s));
         let deviations = errors.map(|errors| errors.deviations());
         Self {
@@ -186,13 +188,11 @@ pub fn run(
     let rate = f64::from(setup.configure.sample_rate);
     let mut report = SensorReport::of(&flight, &status, rate, bytes);
     report.limbs = (unit.limbs().report()).map(|chain| Limbs::of(&unit, &chain));
-    report.doubt = report.doubt.or_else(|| {
-        let limbs = report.limbs.as_ref()?;
-        (!limbs.failed.is_empty()).then(|| {
-            let failed = limbs.failed.join(", ");
-            format!("sensors that are missing, have failed or have slipped: {failed}")
-        })
-    });
+    let failed = report.limbs.as_ref().map(|limbs| limbs.failed.join(", "));
+    if let Some(failed) = failed.filter(|failed| !failed.is_empty()) {
+        let sentence = format!("sensors are missing, have failed or have slipped: {failed}");
+        report.doubt = Some(sentence);
+    }
     Ok((flight, report))
 }
 
@@ -283,35 +283,12 @@ fn nothing_in(bytes: u64, contents: Option<&Xbus>) -> Problem {
 
 /// Explains why sensors on the limbs give no samples.
 fn not_calibrated(bytes: u64, calibration: &Calibration) -> Problem {
-    let heard = calibration.heard.count_ones();
-    if heard == 0 {
+    if calibration.heard == 0 {
         let problem = format!("found no packet of a sensor on a limb in {bytes} bytes");
         return Problem::bad_input(problem).help("check --protocol, and --baud for a port");
     }
-    let what = match calibration.verdict {
-        CalibrationVerdict::NoHeading => {
-            "neither leaned in the bend nor swung to one side in the march"
-        }
-        CalibrationVerdict::Contradiction => {
-            "is on another segment, or was turned between bend and march"
-        }
-        CalibrationVerdict::NoPelvis => "is missing, which all others are relative to",
-        CalibrationVerdict::TooMany => "is one of more sensors than a unit has room for",
-        CalibrationVerdict::Nothing | CalibrationVerdict::Good => {
-            let problem = format!(
-                "{heard} sensors on the limbs are not calibrated: of the rests of a calibration {} were seen",
-                calibration.rests
-            );
-            return Problem::bad_input(problem).help(POSES);
-        }
-    };
-    let name = calibration.segment.name();
-    Problem::bad_input(format!("the calibration was refused: the sensor {name} {what}")).help(POSES)
+    refused(calibration)
 }
-
-/// What a calibration needs.
-const POSES: &str = "stand upright with the arms down, still for 3 s; bend forward until the back is level, still for 3 s; march \
-                     on the spot for 6 s; stand upright again, still for 3 s";
 
 impl SensorReport {
     fn of(flight: &LoggedFlight, status: &Status, rate: f64, bytes: u64) -> Self {
@@ -323,7 +300,14 @@ impl SensorReport {
         };
         let all = flight.estimates().count();
         let supported = count(EstimateFlags::SUPPORTED, EstimateFlags::empty());
+        // Until the filter has seen that the person stands, it is lost on the ground, not in flight.
+        let standing = flight
+            .estimates()
+            .take_while(|(time, _)| *time < LONGEST_ARRIVAL)
+            .position(|(_, estimate)| estimate.flags.contains(EstimateFlags::SUPPORTED))
+            .unwrap_or(0);
         let lost = count(EstimateFlags::LOST, EstimateFlags::SUPPORTED);
+        let lost = lost.saturating_sub(standing);
         let unsure = EstimateFlags::DOUBTFUL | EstimateFlags::INCONSISTENT;
         let settled = EstimateFlags::SUPPORTED | EstimateFlags::LOST;
         let doubtful = count(unsure, settled);

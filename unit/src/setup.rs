@@ -22,6 +22,10 @@ const ATTEMPTS: u32 = 15;
 pub fn store(target: &Target, setup: &Setup) -> Result<()> {
     let mut line = greeted(target)?;
     configure(&mut line, &setup.configure, &setup.table)?;
+    for row in setup.limbs.rows() {
+        let frame = line.frame(0, *row);
+        line.write(&frame)?;
+    }
     match ask(&mut line, SetupAction::Store)?.0 {
         SetupState::Present => Ok(()),
         state => Err(refusal(state)),
@@ -146,7 +150,8 @@ mod tests {
     use super::*;
     use crate::stream::configuration_at;
     use crate::virtual_unit::VirtualUnit;
-    use bodyflight_core::link::StreamMode;
+    use bodyflight_core::Segment;
+    use bodyflight_core::link::{LimbSensor, SensorKind, StreamMode};
 
     fn setup() -> Setup {
         let flight = Flight::bare(Path::new("none"));
@@ -171,12 +176,20 @@ mod tests {
         let flash = folder.path().join("flash.bin");
         let unit = VirtualUnit::start_with_log(&flash).unwrap();
         assert_eq!(read(&target(&unit)).unwrap(), None);
-        store(&target(&unit), &setup()).unwrap();
-        assert_eq!(read(&target(&unit)).unwrap(), Some(setup()));
+        let mut setup = setup();
+        setup.configure.sensor = SensorKind::Chain;
+        for segment in [Segment::Pelvis, Segment::LeftShank] {
+            setup.limbs.insert(&LimbSensor {
+                segment,
+                ..LimbSensor::default()
+            });
+        }
+        store(&target(&unit), &setup).unwrap();
+        assert_eq!(read(&target(&unit)).unwrap(), Some(setup));
         // Another unit with the same memory starts with it, without a greeting.
         let again = VirtualUnit::start_with_log(&flash).unwrap();
         assert_eq!(again.resumed(), Some(StreamMode::Sensor));
-        assert_eq!(read(&target(&again)).unwrap(), Some(setup()));
+        assert_eq!(read(&target(&again)).unwrap(), Some(setup));
         erase(&target(&again)).unwrap();
         assert_eq!(read(&target(&again)).unwrap(), None);
     }

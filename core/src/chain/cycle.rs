@@ -180,7 +180,10 @@ mod tests {
         }
         let first = send(Segment::Pelvis, 0).unwrap();
         assert_eq!(first.number, 65_535);
-        assert_eq!(first.readings.iter().filter(|(_, r)| r.is_some()).count(), 3);
+        assert_eq!(
+            first.readings.iter().filter(|(_, r)| r.is_some()).count(),
+            3
+        );
         assert_eq!(send(Segment::Thorax, 0), None);
         assert_eq!(send(Segment::LeftShank, 0).unwrap().number, 0);
         // The thorax is missing, then the pelvis.

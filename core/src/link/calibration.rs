@@ -116,7 +116,9 @@ impl Default for LimbTable {
 impl LimbTable {
     /// Without a sensor.
     pub const fn new() -> Self {
-        Self { rows: [None; LIMBS] }
+        Self {
+            rows: [None; LIMBS],
+        }
     }
 
     /// Adds or replaces a sensor; returns whether there is room for it.
@@ -233,7 +235,9 @@ impl SegmentErrors {
     /// The deviations (rad).
     pub fn deviations(&self) -> SegmentArray<f32> {
         let counts = |segment: Segment| self.deviation.get(segment as usize).copied();
-        SegmentArray::from_fn(|s| f32::single(f32::from(counts(s).unwrap_or(u8::MAX)) / ERROR_COUNTS))
+        SegmentArray::from_fn(|s| {
+            f32::single(f32::from(counts(s).unwrap_or(u8::MAX)) / ERROR_COUNTS)
+        })
     }
 
     /// Whether any of them differs by more than a tenth, or another sensor has failed.
@@ -288,8 +292,16 @@ mod tests {
                 segment,
                 ..LimbSensor::default()
             };
-            assert_eq!(table.insert(&row), (segment as usize) < LIMBS, "{segment:?}");
-            assert_eq!(table.insert(&row), (segment as usize) < LIMBS, "{segment:?}");
+            assert_eq!(
+                table.insert(&row),
+                (segment as usize) < LIMBS,
+                "{segment:?}"
+            );
+            assert_eq!(
+                table.insert(&row),
+                (segment as usize) < LIMBS,
+                "{segment:?}"
+            );
         }
         assert_eq!(table.rows().count(), LIMBS);
         let row = table.rows().last().unwrap();

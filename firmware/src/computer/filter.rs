@@ -1,6 +1,5 @@
 //! The unit's two filters behind one interface: their inputs from a sample, and their outputs for the link.
 
-use bodyflight_core::{Posture, SegmentArray};
 use bodyflight_core::dynamics::{Dynamics, Motion};
 use bodyflight_core::estimator::measurement::Measurement;
 use bodyflight_core::estimator::motion::ReducedMotionFilter;
@@ -17,6 +16,7 @@ use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::estimator::unscented::SettingsError;
 use bodyflight_core::estimator::{ReducedFilter, input_coefficients};
 use bodyflight_core::link::{self, EstimateFlags, PackedQuaternion, Sample, Sensors, Validity};
+use bodyflight_core::{Posture, SegmentArray};
 
 /// Standard deviation of a gyroscope on the body, vibration included (rad/s).
 const GYROSCOPE_DEVIATION: f32 = 0.02;

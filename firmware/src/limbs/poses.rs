@@ -1,8 +1,8 @@
 //! The poses of a calibration as sensors on the limbs feel them: rests of all sensors, and what happens in between.
 //!
 //! Biases come from the last long rest without any sway, as in a tray, or else from the last pose; scales from full turns
-//! between two rests. Upright, bent and upright again with a march before it is a calibration. Nothing needs a signal:
-//! what is not held is no rest.
+//! between two rests. Upright, bent, a march and upright again is a calibration, whether or not the person stood upright
+//! before the march. Nothing needs a signal: what is not held is no rest.
 
 use bodyflight_core::chain::Cycle;
 use bodyflight_core::link::{CalibrationVerdict, LIMBS, LimbSensor, LimbTable};
@@ -29,7 +29,8 @@ const HELD: f32 = 0.996;
 const SAME: f32 = 0.966;
 const BENT: f32 = 0.766;
 const UPRIGHT: f32 = 0.906;
-/// Time from the bend to the begin of the march, when the person stands upright (s), and shortest and longest march (s).
+/// Time after which the person stands upright again who marches straight from the bend (s), and shortest and longest march
+/// (s).
 const STRAIGHTENING: f32 = 1.5;
 const SHORTEST_MARCH: f32 = 2.0;
 const LONGEST_MARCH: f32 = 15.0;
@@ -57,8 +58,10 @@ struct Node {
     /// Up in the last piece at rest.
     up: Vector3<f32>,
     rate: Vector3<f32>,
+    /// Motion since the last rest, and the march between the last two.
     turns: Turns<f32>,
     march: March<f32>,
+    marched: March<f32>,
     is_turned: bool,
 }
 
@@ -75,6 +78,7 @@ impl Node {
             rate: Vector3::zeros(),
             turns: Turns::default(),
             march: March::default(),
+            marched: March::default(),
             is_turned: false,
         }
     }
@@ -90,6 +94,9 @@ pub(super) struct Poses {
     piece: f32,
     rest: f32,
     moved: f32,
+    /// Length of the march between the last two rests (s), and whether the present motion began bent.
+    marched: f32,
+    is_from_bent: bool,
     rests: u16,
     has_tray: bool,
 }
@@ -104,6 +111,8 @@ impl Poses {
             piece: 0.0,
             rest: 0.0,
             moved: 0.0,
+            marched: 0.0,
+            is_from_bent: false,
             rests: 0,
             has_tray: false,
         }
@@ -137,8 +146,10 @@ impl Poses {
             self.welcome(cycle);
         }
         self.piece += duration;
+        let before = self.moved;
         self.moved += duration;
-        let is_marching = (STRAIGHTENING..LONGEST_MARCH).contains(&self.moved);
+        let is_straight = before < STRAIGHTENING && self.moved >= STRAIGHTENING;
+        let begins_anew = self.is_from_bent && is_straight;
         for node in &mut self.nodes {
             if let Some(reading) = &cycle.readings[node.segment] {
                 node.piece.take(reading);
@@ -146,9 +157,10 @@ impl Poses {
             }
             // A lost rate is taken to be the last one.
             node.turns.take(&node.rate, duration);
-            if is_marching {
-                node.march.take(&node.rate, duration);
+            if begins_anew {
+                node.march = March::default();
             }
+            node.march.take(&node.rate, duration);
         }
         if self.piece < PIECE {
             return None;
@@ -180,7 +192,10 @@ impl Poses {
     /// Whether all sensors that are heard rest, and have not been turned since the rest began.
     fn is_still(&self) -> bool {
         let is_resting = self.rest > 0.0;
-        let mut heard = self.nodes.iter().filter(|node| node.piece.count() >= FEWEST);
+        let mut heard = self
+            .nodes
+            .iter()
+            .filter(|node| node.piece.count() >= FEWEST);
         let has_any = heard.clone().next().is_some();
         has_any
             && heard.all(|node| {
@@ -192,23 +207,39 @@ impl Poses {
     /// A piece at rest.
     fn hold(&mut self) -> Option<Seen> {
         let begins = self.rest <= 0.0;
+        if begins {
+            let straightening = if self.is_from_bent {
+                STRAIGHTENING
+            } else {
+                0.0
+            };
+            self.marched = self.moved - straightening;
+        }
+        self.moved = 0.0;
         for node in &mut self.nodes {
             let Some(up) = node.piece.up() else { continue };
             if begins {
+                node.marched = node.march;
                 node.rest = Rest::default();
                 let is_as_before = up.dot(&node.up) > HELD;
                 // What is no full turn changes nothing.
-                let is_full = self.has_tray
-                    && is_as_before
-                    && node.gyroscope.set_gain(&node.turns).is_ok();
+                let is_full =
+                    self.has_tray && is_as_before && node.gyroscope.set_gain(&node.turns).is_ok();
                 node.is_turned |= is_full;
             } else {
                 node.rest.merge(&node.piece);
             }
             node.up = up;
             node.turns = Turns::default();
+            node.march = March::default();
         }
         let before = self.rest;
+        self.is_from_bent = self.of_pelvis(|node| {
+            let [upright, _] = node.before;
+            upright
+                .up()
+                .is_some_and(|upright| upright.dot(&node.up) <= SAME)
+        });
         self.rest += self.piece;
         if self.rest >= TRAY && self.is_quiet() {
             self.take_bias(0.0);
@@ -230,12 +261,13 @@ impl Poses {
             if !self.has_tray {
                 self.take_bias(SWAY);
             }
-            for node in &mut self.nodes {
-                let [_, last] = node.before;
-                node.before = [last, node.rest];
-                node.march = March::default();
+            // Who stands upright again before the march is where the march begins, and not in the next pose.
+            if !self.is_upright_again() {
+                for node in &mut self.nodes {
+                    let [_, last] = node.before;
+                    node.before = [last, node.rest];
+                }
             }
-            self.moved = 0.0;
         }
         self.rest = 0.0;
     }
@@ -257,17 +289,25 @@ impl Poses {
 
     /// Whether the two rests before and the present one are upright, bent and upright, with a march in between.
     fn is_calibration(&self) -> bool {
-        // Without a pelvis any sensor shows the poses; the verdict then says what is missing.
+        self.is_upright_again() && (SHORTEST_MARCH..LONGEST_MARCH).contains(&self.marched)
+    }
+
+    /// The same without the march.
+    fn is_upright_again(&self) -> bool {
+        self.of_pelvis(|node| {
+            let [upright, bent] = node.before.map(|rest| rest.up());
+            let (Some(upright), Some(bent), Some(now)) = (upright, bent, node.rest.up()) else {
+                return false;
+            };
+            upright.dot(&now) > SAME && upright.dot(&bent) < BENT
+        })
+    }
+
+    /// What holds of the sensor on the pelvis, or of any if there is none: the verdict then says what is missing.
+    fn of_pelvis(&self, holds: impl Fn(&Node) -> bool) -> bool {
         let is_pelvis = |node: &&Node| node.segment == Segment::Pelvis;
         let pelvis = self.nodes.iter().find(is_pelvis).or(self.nodes.first());
-        let Some(pelvis) = pelvis else { return false };
-        let [upright, bent] = pelvis.before.map(|rest| rest.up());
-        let now = pelvis.rest.up();
-        let march = self.moved - self.rest - STRAIGHTENING;
-        let (Some(upright), Some(bent), Some(now)) = (upright, bent, now) else {
-            return false;
-        };
-        upright.dot(&now) > SAME && upright.dot(&bent) < BENT && march > SHORTEST_MARCH
+        pelvis.is_some_and(holds)
     }
 
     /// Whether all calibrated sensors that are heard, and that of the pelvis, are as in the upright pose.
@@ -284,10 +324,7 @@ impl Poses {
     }
 
     /// The calibration of all sensors, or why there is none and of which one.
-    pub(super) fn fit(
-        &self,
-        body: &Body<f32>,
-    ) -> Result<LimbTable, (CalibrationVerdict, Segment)> {
+    pub(super) fn fit(&self, body: &Body<f32>) -> Result<LimbTable, (CalibrationVerdict, Segment)> {
         let has_pelvis = self.nodes.iter().any(|n| n.segment == Segment::Pelvis);
         if self.has_too_many {
             return Err((CalibrationVerdict::TooMany, Segment::Pelvis));
@@ -298,8 +335,14 @@ impl Poses {
         let mut table = LimbTable::new();
         // The pelvis first: its row begins a table.
         let (pelvis, others): (heapless::Vec<_, LIMBS>, heapless::Vec<_, LIMBS>) = (
-            self.nodes.iter().filter(|n| n.segment == Segment::Pelvis).collect(),
-            self.nodes.iter().filter(|n| n.segment != Segment::Pelvis).collect(),
+            self.nodes
+                .iter()
+                .filter(|n| n.segment == Segment::Pelvis)
+                .collect(),
+            self.nodes
+                .iter()
+                .filter(|n| n.segment != Segment::Pelvis)
+                .collect(),
         );
         for node in pelvis.iter().chain(&others) {
             let [upright, bent] = node.before;
@@ -308,7 +351,7 @@ impl Poses {
             let stances = Stances {
                 upright: up,
                 bent: bent.up(),
-                march: Some(node.march),
+                march: Some(node.marched),
             };
             let mounting = fit(node.segment, &stances, &UnitQuaternion::identity());
             let mounting = mounting.map_err(|error| {

@@ -254,7 +254,7 @@ fn every_form_of_an_orientation_is_read() {
         (DataId::ROTATION_MATRIX, matrix.as_slice()),
     ] {
         let bytes = packet(&[(id.with(north, NumberFormat::Float32), numbers)]);
-        let sensed = Sensor::new().next(&mut bytes.as_slice(), 0).unwrap();
+        let sensed = Sensor::new().next(&mut bytes.as_slice(), 0, None).unwrap();
         let found = sensed.sample.inertial_from_body();
         assert!(found.quaternion().angle_to(&sent) < 1e-3, "{found:?}");
     }

@@ -15,6 +15,12 @@ const DEAD: f64 = 0.1;
 const LATENCY: f64 = 0.1;
 const STATED: f64 = 0.25;
 
+/// After the calibration the person stands still for longer than in the files (s), as before boarding. Until then a second
+/// of readings of the upright pose comes again, forwards and backwards.
+pub const STANDING: f64 = 10.0;
+/// Begin and length of that second (s).
+const AGAIN: [f64; 2] = [60.4, 1.0];
+
 /// A node: the measurements that its chip has made and not yet, and what rounding leaves over.
 struct Node<'a> {
     address: bodyflight_core::Segment,
@@ -23,8 +29,8 @@ struct Node<'a> {
 }
 
 impl Streams {
-    /// What is sent in each cycle, and when it begins by the first sensor's clock (s). The receiver is switched on with the
-    /// flight.
+    /// What is sent in each cycle, and when it begins (s). The flight begins at [`Streams::flight_s`] and [`STANDING`], and with
+    /// it the receiver is switched on.
     pub fn line(&self) -> Vec<(f64, Vec<u8>)> {
         let mut nodes: Vec<_> = (self.sensors.iter())
             .map(|(address, rows)| Node {
@@ -35,7 +41,7 @@ impl Streams {
             .collect();
         nodes.sort_by_key(|node| node.address as u8);
         let ends = self.sensors.iter().filter_map(|(_, rows)| rows.last());
-        let end = ends.map(|row| row.0).fold(0.0, f64::max);
+        let end = ends.map(|row| row.0).fold(0.0, f64::max) + STANDING;
         let mut solutions = self.solutions();
         let mut sent = Vec::new();
         loop {
@@ -60,10 +66,25 @@ impl Streams {
         let flown = self.track.iter().filter_map(|fix| {
             let (time, velocity) = fix.in_flight()?;
             let message = solution(time, &Vector::from_components(velocity), STATED);
-            Some((self.flight_s + time + LATENCY, message.encode().to_vec()))
+            let arrival = self.flight_s + STANDING + time + LATENCY;
+            Some((arrival, message.encode().to_vec()))
         });
         flown.peekable()
     }
+}
+
+/// Time of the recorded readings that are sent at a time on the line (s).
+fn recorded(time: f64) -> f64 {
+    let [begin, length] = AGAIN;
+    let standing = time - begin;
+    if standing < 0.0 {
+        return time;
+    }
+    if standing > STANDING {
+        return time - STANDING;
+    }
+    let phase = (standing / length).rem_euclid(2.0);
+    begin + length * if phase < 1.0 { phase } else { 2.0 - phase }
 }
 
 impl Node<'_> {
@@ -74,9 +95,10 @@ impl Node<'_> {
         reason = "counters wrap, and ages saturate"
     )]
     fn packet(&mut self, number: usize, time: f64) -> Option<Packet> {
-        let made = self.rows.partition_point(|row| row.0 <= time);
+        let recorded = recorded(time);
+        let made = self.rows.partition_point(|row| row.0 <= recorded);
         let (measured, rate, force) = self.rows.get(made.checked_sub(1)?)?;
-        let age = time - measured;
+        let age = recorded - measured;
         let reading = Reading {
             angular_velocity: rate.cast::<f32>(),
             specific_force: force.cast::<f32>(),
