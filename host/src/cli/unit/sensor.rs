@@ -46,6 +46,11 @@ impl SensorArgs {
         let flight = Flight::read_person(path)?;
         let preset = estimate::unit_preset(preset)?;
         let (mut configure, table) = configuration_at(&flight, 0.0, &preset, rate)?;
+        if self.mounting.is_some() && matches!(self.protocol, Some(Protocol::Chain)) {
+            return Err(Problem::bad_input(
+                "--mounting is not for sensors on the limbs: their calibration finds how each of them lies",
+            ));
+        }
         if let Some([w, x, y, z]) = self.mounting.as_deref().and_then(<[f32]>::first_chunk) {
             let sent = Quaternion::new(*w, *x, *y, *z);
             if (sent.norm() - 1.0).abs() > 0.01 {
