@@ -41,7 +41,6 @@ enum State {
 /// Sensors whose postures follow.
 #[derive(Debug)]
 struct Worn {
-    suit: Suit<f32, LIMBS>,
     order: heapless::Vec<Segment, LIMBS>,
     /// Calibrated sensors that were not heard when postures began, a bit for each segment.
     missing: u16,
@@ -72,6 +71,9 @@ pub struct Limbs {
     cycles: Cycles,
     table: LimbTable,
     state: State,
+    /// The sensors while postures follow. It has a place of its own, in which it is made: a unit's stack has no room for
+    /// several copies.
+    suit: Option<Suit<f32, LIMBS>>,
     verdict: CalibrationVerdict,
     about: Segment,
     /// Time of the last cycle (us), and since the first one.
@@ -98,6 +100,7 @@ impl Limbs {
             cycles: Cycles::new(),
             table: LimbTable::new(),
             state: State::Resting(Poses::new()),
+            suit: None,
             verdict: CalibrationVerdict::Nothing,
             about: Segment::Pelvis,
             last: None,
@@ -139,6 +142,7 @@ impl Limbs {
 
     /// Waits for poses, or for the person to stand upright.
     fn rest(&mut self) {
+        self.suit = None;
         self.state = State::Resting(Poses::of(&self.table));
     }
 
@@ -172,13 +176,13 @@ impl Limbs {
         self.elapsed += u64::from(step);
         // Exact: below 2^24.
         let duration = step as f32 * 1e-6;
-        match &mut self.state {
-            State::Resting(poses) => poses.take(cycle, duration),
-            State::Worn(worn) if duration <= f32::of(LONGEST_INTERVAL) => {
-                worn.take(cycle, duration);
+        match (&mut self.state, &mut self.suit) {
+            (State::Resting(poses), _) => poses.take(cycle, duration),
+            (State::Worn(worn), Some(suit)) if duration <= f32::of(LONGEST_INTERVAL) => {
+                worn.take(suit, cycle, duration);
                 None
             }
-            State::Worn(_) => {
+            (State::Worn(_), _) => {
                 self.rest();
                 None
             }
@@ -221,16 +225,16 @@ impl Limbs {
                 let _ = fitted.push(row.fitted());
             }
         }
-        let pose = Posture::h_pose();
+        self.make_suit(&fitted, body);
         // Without the pelvis postures mean nothing.
-        let Ok(suit) = Suit::new(&fitted, body, &pose) else {
+        let Some(suit) = &mut self.suit else {
             return;
         };
+        suit.set_on_ground(false);
         let mut worn = Worn {
-            suit,
             order: fitted.iter().map(|fitted| fitted.segment).collect(),
             missing,
-            posture: pose,
+            posture: Posture::h_pose(),
             errors: SegmentErrors {
                 deviation: Default::default(),
                 failed: 0,
@@ -238,9 +242,13 @@ impl Limbs {
             is_new: true,
             age: 0.0,
         };
-        worn.suit.set_on_ground(false);
-        worn.see();
+        worn.see(suit);
         self.state = State::Worn(worn);
+    }
+
+    #[inline(never)]
+    fn make_suit(&mut self, fitted: &[Fitted<f32>], body: &Body<f32>) {
+        self.suit = Suit::new(fitted, body, &Posture::h_pose()).ok();
     }
 
     /// The pelvis's reading in body axes, once the sensors are calibrated.
@@ -331,22 +339,22 @@ impl Limbs {
 }
 
 impl Worn {
-    fn take(&mut self, cycle: &Cycle, duration: f32) {
+    fn take(&mut self, suit: &mut Suit<f32, LIMBS>, cycle: &Cycle, duration: f32) {
         let mut readings = [None::<Reading<f32>>; LIMBS];
         for (reading, segment) in readings.iter_mut().zip(&self.order) {
             *reading = cycle.readings[*segment];
         }
-        self.suit.push(&readings, duration);
+        suit.push(&readings, duration);
         self.age += duration;
-        self.see();
+        self.see(suit);
     }
 
     /// Takes posture and errors out of the suit.
     #[inline(never)]
-    fn see(&mut self) {
-        let found = self.suit.posture();
+    fn see(&mut self, suit: &Suit<f32, LIMBS>) {
+        let found = suit.posture();
         self.posture = found.posture();
-        let failed = self.suit.faults();
+        let failed = suit.faults();
         let failed = failed.fold(self.missing, |mask, (s, _)| mask | 1 << s as u8);
         let is_first = self.age <= 0.0;
         if !is_first && self.age < ERRORS_EVERY && failed == self.errors.failed {

@@ -16,6 +16,8 @@ use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::estimator::unscented::SettingsError;
 use bodyflight_core::estimator::{ReducedFilter, input_coefficients};
 use bodyflight_core::link::{self, EstimateFlags, PackedQuaternion, Sample, Sensors, Validity};
+
+use crate::limbs;
 use bodyflight_core::{Posture, SegmentArray};
 
 /// Standard deviation of a gyroscope on the body, vibration included (rad/s).
@@ -84,16 +86,21 @@ impl Filter {
         }
     }
 
-    /// Takes errors of segments (rad) after a start; the paper's filters know none.
+    /// Takes errors of segments (rad) after a start; the paper's filters know none, and a build without sensors on the limbs has
+    /// no room for them.
     pub(super) fn set_segment_errors(&mut self, deviations: &SegmentArray<f32>) {
-        if let Self::Motion(filter) = self {
+        if let Self::Motion(filter) = self
+            && limbs::IS_BUILT_IN
+        {
             filter.set_segment_errors(deviations);
         }
     }
 
     /// Replaces them in flight.
     pub(super) fn change_segment_errors(&mut self, deviations: &SegmentArray<f32>) {
-        if let Self::Motion(filter) = self {
+        if let Self::Motion(filter) = self
+            && limbs::IS_BUILT_IN
+        {
             filter.change_segment_errors(deviations);
         }
     }
