@@ -23,11 +23,9 @@
 //! assert!((packet.reading().specific_force.z - 9.81).abs() < 1e-5);
 //! ```
 
-mod cycle;
+pub mod cycle;
 
 use nalgebra::Vector3;
-
-pub use cycle::{Cycle, Cycles, NodeCounters};
 
 use crate::body::Segment;
 use crate::link::checksum;

@@ -6,7 +6,8 @@
 
 mod poses;
 
-use bodyflight_core::chain::{Cycle, Cycles, Decoder};
+use bodyflight_core::chain::Decoder;
+use bodyflight_core::chain::cycle::{Cycle, Cycles};
 use bodyflight_core::link::{
     Calibration, CalibrationStage, CalibrationVerdict, ChainReport, LIMBS, LimbSensor, LimbTable,
     SegmentErrors,

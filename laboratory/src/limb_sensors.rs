@@ -6,7 +6,7 @@
 mod errors;
 mod ground;
 mod instant;
-mod line;
+pub mod line;
 mod track;
 
 use std::fmt::Write as _;
@@ -25,7 +25,6 @@ use errors::SensorErrors;
 pub use errors::Sizes;
 use ground::Ground;
 use instant::Instant;
-pub use line::STANDING;
 pub use track::Fix;
 
 /// Folder of the files, below that of the flight.

@@ -166,12 +166,7 @@ pub fn synthesize_with(
         write_file(&folder.join(SENSOR_FILE), &bytes)?;
     }
     if let Some(segments) = limbs {
-        let streams = worn(request, &dynamics, segments)?;
-        streams.write_in(&folder.join(limb_sensors::FOLDER))?;
-        if chain {
-            let bytes: Vec<u8> = streams.line().into_iter().flat_map(|(_, b)| b).collect();
-            write_file(&folder.join(LINE_FILE), &bytes)?;
-        }
+        write_limbs(&worn(request, &dynamics, segments)?, chain, folder)?;
     }
     write_inputs(request.maneuver, &folder.join("inputs.csv"))?;
     request.subject.write_in(folder)?;
@@ -188,6 +183,16 @@ pub fn synthesize_with(
         duration_s,
         tunnel,
     })
+}
+
+/// Writes the readings of sensors on the limbs and, if they share a line, its bytes.
+fn write_limbs(streams: &Streams, chain: bool, folder: &Path) -> Result<()> {
+    streams.write_in(&folder.join(limb_sensors::FOLDER))?;
+    if chain {
+        let bytes: Vec<u8> = streams.line().into_iter().flat_map(|(_, b)| b).collect();
+        write_file(&folder.join(LINE_FILE), &bytes)?;
+    }
+    Ok(())
 }
 
 /// The readings of sensors on the limbs in the same flight, without the noise of the recording.

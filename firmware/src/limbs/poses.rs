@@ -4,7 +4,7 @@
 //! between two rests. Upright, bent, a march and upright again is a calibration, whether or not the person stood upright
 //! before the march. Nothing needs a signal: what is not held is no rest.
 
-use bodyflight_core::chain::Cycle;
+use bodyflight_core::chain::cycle::Cycle;
 use bodyflight_core::link::{CalibrationVerdict, LIMBS, LimbSensor, LimbTable};
 use bodyflight_core::suit::mounting::{March, MountingError, Stances, fit};
 use bodyflight_core::suit::rest::Rest;
