@@ -60,6 +60,7 @@ pub mod aerodynamics;
 pub mod air;
 pub mod axis;
 pub mod body;
+pub mod chain;
 pub mod dynamics;
 pub mod effect;
 pub mod estimator;

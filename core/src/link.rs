@@ -22,6 +22,7 @@
 
 mod arch;
 mod block;
+mod calibration;
 mod decode_error;
 mod decoder;
 pub mod fault;
@@ -41,9 +42,14 @@ mod status;
 mod wire;
 
 pub use block::{BLOCK_LENGTH, BlockReader, BlockWriter};
+pub use calibration::{
+    Calibrate, Calibration, CalibrationStage, CalibrationVerdict, ChainReport, LIMBS, LimbSensor,
+    LimbTable, SegmentErrors,
+};
 pub use decode_error::DecodeError;
 pub use decoder::{Counters, Decoder, Event};
 pub use flags::{EstimateFlags, SensorParts, Validity};
+pub(crate) use frame::checksum;
 pub use frame::{EncodeError, Header, MAX_FRAME_LENGTH, MAX_PACKET_LENGTH};
 pub use kept::{
     LogAction, LogAsk, LogPiece, PIECE_LENGTH, SetupAction, SetupAsk, SetupState, Stored,

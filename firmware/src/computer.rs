@@ -15,9 +15,9 @@ use bodyflight_core::estimator::motion::state::STATES;
 use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::link::{
-    self, Configure, EstimateFlags, Sample, SegmentTable, Sensors, Validity, Verdict,
+    self, Configure, EstimateFlags, Sample, SegmentErrors, SegmentTable, Sensors, Validity, Verdict,
 };
-use bodyflight_core::{Posture, Real};
+use bodyflight_core::{Body, Posture, Real};
 
 use filter::Filter;
 use tempo::Tempo;
@@ -89,6 +89,11 @@ impl Configuration {
         })
     }
 
+    /// The body.
+    pub const fn body(&self) -> &Body<f32> {
+        &self.dynamics.body
+    }
+
     /// Time between updates (us).
     pub const fn update_period(&self) -> u32 {
         self.update_period
@@ -130,6 +135,8 @@ pub struct Computer {
     /// Whether the filter started without a posture.
     is_posture_assumed: bool,
     last: Option<Last>,
+    /// Errors of a posture that sensors on the limbs measure.
+    errors: Option<SegmentErrors>,
     tempo: Tempo,
     /// Flags to be reported with the next estimate.
     pending: EstimateFlags,
@@ -151,6 +158,7 @@ impl Computer {
             filter: None,
             is_posture_assumed: false,
             last: None,
+            errors: None,
             tempo: Tempo::new(),
             pending: EstimateFlags::empty(),
             inconsistent: 0,
@@ -180,9 +188,23 @@ impl Computer {
     pub fn reset(&mut self) {
         self.filter = None;
         self.last = None;
+        self.errors = None;
         self.tempo = Tempo::new();
         self.pending = EstimateFlags::empty();
         self.inconsistent = 0;
+    }
+
+    /// Takes the errors of postures from the next sample on.
+    pub fn set_segment_errors(&mut self, errors: &SegmentErrors) {
+        let is_first = self.errors.replace(*errors).is_none();
+        match &mut self.filter {
+            // It was started with errors of joints, as a suit of another kind has them.
+            filter if is_first => *filter = None,
+            Some(filter) if !self.is_posture_assumed => {
+                filter.change_segment_errors(&errors.deviations());
+            }
+            _ => {}
+        }
     }
 
     /// Processes the next sample; `sequence` and `time` (us) are those of its header.
@@ -257,6 +279,8 @@ impl Computer {
             answer.flags.set(EstimateFlags::RATE, true);
             answer.flags.set(EstimateFlags::DOUBTFUL, !is_lost);
         }
+        let has_failed = self.errors.is_some_and(|errors| errors.failed != 0);
+        answer.flags.set(EstimateFlags::LIMB, has_failed);
         self.watch(estimate.is_lost(), sample, &motion, &posture);
         Outcome::Used(Some(answer))
     }
@@ -283,6 +307,9 @@ impl Computer {
         let slot = &mut self.filter;
         if Filter::start_in(slot, &preset, dynamics, &motion, &posture, unknown).is_err() {
             return Outcome::Rejected;
+        }
+        if has_posture && let (Some(filter), Some(errors)) = (slot, &self.errors) {
+            filter.set_segment_errors(&errors.deviations());
         }
         self.is_posture_assumed = !has_posture;
         self.last = Some(Last {

@@ -14,6 +14,11 @@ pub mod computer;
 pub mod display;
 pub mod fault;
 pub mod light;
+#[cfg(feature = "chain")]
+pub mod limbs;
+#[cfg(not(feature = "chain"))]
+#[path = "no_limbs.rs"]
+pub mod limbs;
 mod log;
 pub mod ports;
 mod queue;

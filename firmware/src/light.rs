@@ -9,9 +9,12 @@
 //! | on | estimates agree with the measurements |
 //! | on with short gaps | the same, and measurements were rejected |
 //! | two times a second | estimates are doubtful or inconsistent with the measurements |
-//! | five times a second | the reconstruction is lost, or the filter has failed |
+//! | on, but for half a second every 2 s | estimates agree, but a sensor on a limb is missing, has failed or has slipped |
+//! | half a second every 2 s | sensors on the limbs wait for the poses of a calibration |
+//! | twice a fifth of a second every 2 s | they are calibrated, and wait for the person to stand upright and still |
+//! | five times a second | the reconstruction is lost, the filter has failed, or a calibration was refused |
 
-use bodyflight_core::link::EstimateFlags;
+use bodyflight_core::link::{CalibrationStage, CalibrationVerdict, EstimateFlags};
 
 /// Duration of one step (ms).
 pub const STEP_MS: u64 = 100;
@@ -27,12 +30,13 @@ const REMEMBERED: u32 = 20;
 
 /// The pattern for each flag; the first flag that is set decides. Each bit of a pattern is a step, lowest bit first,
 /// and the light is on where the bit is set.
-const PATTERNS: [(EstimateFlags, u32); 6] = [
+const PATTERNS: [(EstimateFlags, u32); 7] = [
     (EstimateFlags::FAULT, FAST),
     (EstimateFlags::LOST, FAST),
     (EstimateFlags::INCONSISTENT, TWICE),
     (EstimateFlags::DOUBTFUL, TWICE),
     (EstimateFlags::SETTLING, SLOW),
+    (EstimateFlags::LIMB, LIMB),
     (EstimateFlags::VALID, ON),
 ];
 
@@ -43,6 +47,9 @@ const SLOW: u32 = 0b0000_0000_0011_1111_1111;
 const ON: u32 = 0b1111_1111_1111_1111_1111;
 const GAPS: u32 = 0b1111_0111_1111_1111_0111;
 const TWICE: u32 = 0b0001_1000_1100_0110_0011;
+const LIMB: u32 = 0b0000_0111_1111_1111_1111;
+const POSES: u32 = 0b1_1111;
+const UPRIGHT: u32 = 0b11_0011;
 const FAST: u32 = 0b0101_0101_0101_0101_0101;
 
 /// Below the first voltage (mV) a lithium cell has minutes left; above the second it counts as charged again.
@@ -59,6 +66,8 @@ pub struct Light {
     /// Whether the last start came after a fault.
     after_fault: bool,
     battery_low: bool,
+    /// Pattern of sensors on the limbs that do not give postures yet.
+    limbs: Option<u32>,
     step: u32,
 }
 
@@ -71,6 +80,7 @@ impl Light {
             taken_in: REMEMBERED,
             after_fault,
             battery_low: false,
+            limbs: None,
             step: 0,
         }
     }
@@ -90,6 +100,18 @@ impl Light {
         self.battery_low = voltage > 0 && voltage < limit;
     }
 
+    /// Updates with the state of sensors on the limbs.
+    pub const fn see_calibration(&mut self, stage: CalibrationStage, verdict: CalibrationVerdict) {
+        self.limbs = match (stage, verdict) {
+            (CalibrationStage::Absent | CalibrationStage::Worn, _) => None,
+            (CalibrationStage::Waiting, _) => Some(UPRIGHT),
+            (CalibrationStage::Poses, CalibrationVerdict::Nothing | CalibrationVerdict::Good) => {
+                Some(POSES)
+            }
+            (CalibrationStage::Poses, _) => Some(FAST),
+        };
+    }
+
     /// Advances by a step; returns whether the light is on.
     pub fn advance(&mut self) -> bool {
         let pattern = self.pattern();
@@ -101,7 +123,16 @@ impl Light {
     }
 
     fn pattern(&self) -> u32 {
-        if self.silent >= SILENCE {
+        let is_silent = self.silent >= SILENCE;
+        // Without postures good estimates are not what was configured.
+        let is_bad = !is_silent
+            && self
+                .flags
+                .intersects(EstimateFlags::FAULT | EstimateFlags::LOST);
+        if let Some(pattern) = self.limbs.filter(|_| !is_bad && !self.battery_low) {
+            return pattern;
+        }
+        if is_silent {
             return match (self.battery_low, self.after_fault) {
                 (true, _) => THREE_FLASHES,
                 (false, true) => TWO_FLASHES,
@@ -145,6 +176,7 @@ mod tests {
             (valid | EstimateFlags::NOT_TAKEN_IN, "###.###########.####"),
             (valid | EstimateFlags::INCONSISTENT, "##...##...##...##..."),
             (valid | EstimateFlags::LOST, "#.#.#.#.#.#.#.#.#.#."),
+            (valid | EstimateFlags::LIMB, "###############....."),
         ] {
             let found = shown(&mut Light::new(false), Some(flags));
             assert_eq!(found, expected, "{flags:?}");
@@ -155,6 +187,19 @@ mod tests {
         let mut light = Light::new(true);
         light.see_battery(3400);
         assert!(seen.insert(shown(&mut light, None)));
+        light.see_battery(3700);
+        for (stage, expected) in [
+            (CalibrationStage::Poses, "#####..............."),
+            (CalibrationStage::Waiting, "##..##.............."),
+        ] {
+            light.see_calibration(stage, CalibrationVerdict::Good);
+            assert_eq!(shown(&mut light, Some(valid)), expected);
+            assert!(seen.insert(shown(&mut light, None)));
+        }
+        light.see_calibration(CalibrationStage::Poses, CalibrationVerdict::NoHeading);
+        assert_eq!(shown(&mut light, None), "#.#.#.#.#.#.#.#.#.#.");
+        light.see_calibration(CalibrationStage::Worn, CalibrationVerdict::Good);
+        assert_eq!(shown(&mut light, Some(valid)), "####################");
     }
 
     #[test]

@@ -7,7 +7,8 @@
 //! without one it is assumed. An MTi must be configured beforehand to send MTData2 with packet counter, sample time,
 //! acceleration and rate of turn, and orientation if it has it; see `docs/unit.md`. `NAV-PVT` solutions (UBX) of a u-blox
 //! receiver on the same port provide velocity for the next sample. On a line with several sensors the first that sends an
-//! orientation counts.
+//! orientation counts. Sensors on the limbs ([`crate::limbs`]) give the posture, and that on the pelvis what a sensor
+//! without an orientation does.
 
 mod aiding;
 mod compass;
@@ -17,23 +18,28 @@ mod reading;
 mod receiver;
 mod rvc;
 
+use bodyflight_core::chain;
 use bodyflight_core::frame::{Rotation, Vector};
-use bodyflight_core::link::{Header, Motion, Readings, Sample, SensorKind, Sensors, Validity};
+use bodyflight_core::link::{
+    Header, Motion, Readings, Sample, SegmentErrors, SensorKind, Sensors, Validity,
+};
 use bodyflight_core::ubx;
 use bodyflight_core::xbus::{Decoder, MessageId, SampleClock};
-use bodyflight_core::{Posture, Real};
+use bodyflight_core::{Body, Posture, Real};
 use nalgebra::{UnitQuaternion, Vector3};
 
+use crate::limbs::{Limbs, PelvisReading};
 pub(crate) use aiding::STANDARD_GRAVITY;
 use level::{Attitude, Level};
 use reading::Reading;
 use receiver::Receiver;
 
-/// Rate of the line of a sensor of this kind (baud): an MTi as it is set up for the unit, a BNO08x as it always is.
+/// Rate of the line of a sensor of this kind (baud): an MTi as it is set up for the unit, the others as they always are.
 pub const fn line_rate(kind: SensorKind) -> u32 {
     match kind {
         SensorKind::Xbus => 460_800,
         SensorKind::Bno08xRvc => 115_200,
+        SensorKind::Chain => chain::BAUD,
     }
 }
 
@@ -79,6 +85,8 @@ pub struct Sensed {
     pub sample: Sample,
     /// The other measurements.
     pub sensors: Sensors,
+    /// Errors of the posture from this sample on, if sensors on the limbs measure it and they have changed.
+    pub errors: Option<SegmentErrors>,
 }
 
 /// Converts bytes of the sensor to samples.
@@ -87,6 +95,7 @@ pub struct Sensor {
     kind: SensorKind,
     decoder: Decoder<LONGEST>,
     rvc: rvc::Decoder,
+    limbs: Limbs,
     solution_decoder: ubx::Decoder,
     receiver: Receiver,
     clock: SampleClock,
@@ -124,6 +133,7 @@ impl Sensor {
             kind: SensorKind::Xbus,
             decoder: Decoder::new().only(MessageId::MT_DATA2),
             rvc: rvc::Decoder::new(),
+            limbs: Limbs::new(),
             solution_decoder: ubx::Decoder::new(),
             receiver: Receiver::default(),
             clock: SampleClock::new(),
@@ -153,6 +163,16 @@ impl Sensor {
         let [before, rate] = [self.kind, kind].map(line_rate);
         (self.kind, self.latency) = (kind, latency);
         (before != rate).then_some(rate)
+    }
+
+    /// The sensors on the limbs.
+    pub fn limbs(&self) -> &Limbs {
+        &self.limbs
+    }
+
+    /// The sensors on the limbs, to calibrate them.
+    pub fn limbs_mut(&mut self) -> &mut Limbs {
+        &mut self.limbs
     }
 
     /// Adopts the posture of a sample if it has one.
@@ -205,8 +225,13 @@ impl Sensor {
     }
 
     /// Returns the next sample, and advances `input` past the bytes used; `None` if more bytes are needed. `now` (us)
-    /// replaces a missing sensor time.
-    pub fn next(&mut self, input: &mut &[u8], now: u64) -> Option<Sensed> {
+    /// replaces a missing sensor time. `body` is needed by sensors on the limbs.
+    pub fn next(
+        &mut self,
+        input: &mut &[u8],
+        now: u64,
+        body: Option<&Body<f32>>,
+    ) -> Option<Sensed> {
         loop {
             let reading = match self.kind {
                 SensorKind::Xbus => {
@@ -225,6 +250,11 @@ impl Sensor {
                     reading
                 }
                 SensorKind::Bno08xRvc => self.rvc.next(input)?,
+                SensorKind::Chain => {
+                    let reading = self.limbs.next(input, body)?;
+                    self.posture = self.limbs.posture();
+                    reading.into()
+                }
             };
             self.hold(&reading, now);
             if let Some(attitude) = self.attitude(&reading, now) {
@@ -337,8 +367,13 @@ impl Sensor {
     fn sample(&mut self, reading: &Reading, attitude: &Attitude, now: u64) -> Sensed {
         let header = self.header(reading, now);
         let solution = self.solution.take();
-        let inertial_from_body = attitude.inertial_from_sensor * self.body_from_sensor.inverse();
-        let body_axes = |vector| Vector::from_components(self.body_from_sensor * vector);
+        let body_from_sensor = match self.kind {
+            // Calibrated: in body axes already.
+            SensorKind::Chain => UnitQuaternion::identity(),
+            SensorKind::Xbus | SensorKind::Bno08xRvc => self.body_from_sensor,
+        };
+        let inertial_from_body = attitude.inertial_from_sensor * body_from_sensor.inverse();
+        let body_axes = |vector| Vector::from_components(body_from_sensor * vector);
         let known = solution.filter(|_| attitude.heading_error < level::TRUSTED_HEADING);
         let pressure = self.pressure.take();
         let pressure = pressure.filter(|(_, at)| now.saturating_sub(*at) < OLDEST_PRESSURE);
@@ -377,6 +412,19 @@ impl Sensor {
             header,
             sample,
             sensors,
+            errors: self.limbs.new_errors(),
+        }
+    }
+}
+
+impl From<PelvisReading> for Reading {
+    fn from(reading: PelvisReading) -> Self {
+        Self {
+            counter: Some(reading.cycle),
+            fine_time: Some(reading.fine_time),
+            angular_velocity: Some(reading.angular_velocity),
+            specific_force: Some(reading.specific_force),
+            ..Self::default()
         }
     }
 }

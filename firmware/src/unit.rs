@@ -18,6 +18,7 @@ use bodyflight_core::link::{
 };
 
 use crate::board::Board;
+use crate::computer::Configuration;
 use crate::sensor::Sensed;
 pub use state::{SAMPLES, Unit};
 
@@ -41,21 +42,27 @@ impl<B: Board> Unit<B> {
         let now = self.board.now();
         self.sensor.receive_solutions(bytes, now);
         let mut input = bytes;
-        while let Some(sensed) = self.sensor.next(&mut input, now) {
+        loop {
+            let body = self.computer.configuration().map(Configuration::body);
+            let Some(sensed) = self.sensor.next(&mut input, now, body) else {
+                break;
+            };
             self.silence.hear(now);
             self.sensor_samples = self.sensor_samples.wrapping_add(1);
             let Sensed {
                 mut header,
                 sample,
                 sensors,
+                errors,
             } = sensed;
             if let Some(session) = self.session.as_mut().filter(|s| s.runs(StreamMode::Sensor)) {
                 header.session = session.number;
                 if let Arrival::New { .. } = session.ledger.receive(header.sequence) {
-                    self.enqueue(header, sample, Some(sensors));
+                    self.enqueue(header, sample, Some(sensors), errors);
                 }
             }
         }
+        self.follow_calibration();
     }
 
     /// Writes the next outgoing frame to `frame` and returns its length, or `None` if there is none.
@@ -97,6 +104,8 @@ impl<B: Board> Unit<B> {
                 None => self.answer_log(*block, &[]),
             },
             Message::SetupAsk(ask) => self.ask_setup(ask.action),
+            Message::LimbSensor(row) => self.sensor.limbs_mut().insert(row),
+            Message::Calibrate(_) => self.calibrate(),
             // Only units send these.
             Message::HelloAcknowledge(_)
             | Message::Configured(_)
@@ -105,6 +114,9 @@ impl<B: Board> Unit<B> {
             | Message::Status(_)
             | Message::Sensors(_)
             | Message::Stored(_)
+            | Message::Calibration(_)
+            | Message::SegmentErrors(_)
+            | Message::ChainReport(_)
             | Message::LogPiece(_) => {}
         }
     }

@@ -6,6 +6,7 @@
 mod errors;
 mod ground;
 mod instant;
+pub mod line;
 mod track;
 
 use std::fmt::Write as _;

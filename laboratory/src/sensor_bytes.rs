@@ -278,7 +278,7 @@ fn packet(
     clippy::cast_sign_loss,
     reason = "the receiver's formats"
 )]
-fn solution(time: f64, velocity: &Vector<f64, Inertial>, stated: f64) -> NavPvt {
+pub(crate) fn solution(time: f64, velocity: &Vector<f64, Inertial>, stated: f64) -> NavPvt {
     let velocity_mps = Vector3::from(velocity.cast::<f32>().to_array());
     NavPvt {
         time_of_week_ms: (time * 1e3).max(0.0) as u32,

@@ -62,10 +62,13 @@ const START_HEIGHT: f64 = 4000.0;
 
 /// Name of the file of a sensor's bytes.
 const SENSOR_FILE: &str = "imu.bin";
+/// Name of the file of the bytes on the line of sensors on the limbs.
+const LINE_FILE: &str = "chain.bin";
 
 /// Files of a synthetic flight; the segments only if the subject has its own table, and the sensor's bytes on request.
 pub const FILES: &[&str] = &[
     SENSOR_FILE,
+    LINE_FILE,
     "flight.toml",
     "subject.toml",
     SEGMENTS_FILE,
@@ -96,6 +99,8 @@ pub struct Additions<'a> {
     pub lever_arms: Option<[f32; 4]>,
     /// Segments with raw sensors, whose readings go into the folder `sensors`.
     pub limbs: Option<&'static [Segment]>,
+    /// Whether the bytes on the line of these sensors go into `chain.bin`.
+    pub chain: bool,
 }
 
 /// Same as [`synthesize`], with additions.
@@ -113,6 +118,7 @@ pub fn synthesize_with(
         muscle_forces,
         lever_arms,
         limbs,
+        chain,
     } = additions;
     request.check()?;
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
@@ -160,8 +166,7 @@ pub fn synthesize_with(
         write_file(&folder.join(SENSOR_FILE), &bytes)?;
     }
     if let Some(segments) = limbs {
-        let streams = worn(request, &dynamics, segments)?;
-        streams.write_in(&folder.join(limb_sensors::FOLDER))?;
+        write_limbs(&worn(request, &dynamics, segments)?, chain, folder)?;
     }
     write_inputs(request.maneuver, &folder.join("inputs.csv"))?;
     request.subject.write_in(folder)?;
@@ -178,6 +183,16 @@ pub fn synthesize_with(
         duration_s,
         tunnel,
     })
+}
+
+/// Writes the readings of sensors on the limbs and, if they share a line, its bytes.
+fn write_limbs(streams: &Streams, chain: bool, folder: &Path) -> Result<()> {
+    streams.write_in(&folder.join(limb_sensors::FOLDER))?;
+    if chain {
+        let bytes: Vec<u8> = streams.line().into_iter().flat_map(|(_, b)| b).collect();
+        write_file(&folder.join(LINE_FILE), &bytes)?;
+    }
+    Ok(())
 }
 
 /// The readings of sensors on the limbs in the same flight, without the noise of the recording.

@@ -8,8 +8,8 @@ use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::body::pattern;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::{
-    self, Configure, Header, MAX_FRAME_LENGTH, Message, Sample, SegmentTable, Setup, Start, Stop,
-    StreamMode, TimeSync, Validity,
+    self, Configure, Header, LimbTable, MAX_FRAME_LENGTH, Message, Sample, SegmentTable, Setup,
+    Start, Stop, StreamMode, TimeSync, Validity,
 };
 use bodyflight_core::xbus::{DataId, Decoder, MAX_PACKET_LENGTH, MessageId, PacketWriter};
 use bodyflight_firmware::{Board, Identity, Unit};
@@ -130,6 +130,7 @@ impl Host {
         Setup {
             configure: configure(0, &self.table),
             table: self.table,
+            limbs: LimbTable::new(),
         }
     }
 

@@ -1,6 +1,7 @@
 //! A unit on a serial line: ports, streaming to it, reading its output and its log, and a virtual unit on this machine.
 
 mod block_on;
+pub mod calibration;
 mod file_flash;
 pub mod image;
 pub mod log;

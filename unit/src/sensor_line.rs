@@ -5,14 +5,18 @@ use std::io::Write as _;
 use std::path::Path;
 use std::time::Duration;
 
+use bodyflight_core::Segment;
+use bodyflight_core::chain::Decoder;
 use bodyflight_core::link::{
-    Estimate, EstimateFlags, Header, MAX_FRAME_LENGTH, Message, SensorKind, Setup, Status,
+    Calibration, ChainReport, Estimate, EstimateFlags, Header, MAX_FRAME_LENGTH, Message,
+    SegmentErrors, SensorKind, Setup, Status,
 };
 use bodyflight_firmware::{Board, Identity, Unit};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
 use serde::Serialize;
 
+use crate::calibration::refused;
 use crate::log::{LoggedFlight, Written};
 use crate::monitor::{Chunk, Input, Xbus};
 use crate::stream::qemu::Qemu;
@@ -23,6 +27,8 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// Time lost (s) and share of doubtful estimates beyond which the result is not to be trusted, as in `estimate`.
 const LONGEST_LOST: f64 = 1.0;
 const LARGEST_DOUBT: f64 = 0.25;
+/// Time in which the filter sees that it begins on the ground (s).
+const LONGEST_ARRIVAL: f64 = 5.0;
 /// Bytes that a BNO08x in its UART-RVC mode sends in a second: a hundred packets of 19.
 const RVC_PACE: f64 = 1900.0;
 /// Share by which the rate of the samples may differ from the configured one.
@@ -46,6 +52,8 @@ pub struct SensorReport {
     pub sensor_restarts: u32,
     /// Solutions of a receiver.
     pub receiver_solutions: u32,
+    /// Sensors on the limbs, if that is what was configured.
+    pub limbs: Option<Limbs>,
     /// Estimates, and estimates that were not finite and were withheld.
     pub estimates: u64,
     /// See `estimates`.
@@ -64,6 +72,44 @@ pub struct SensorReport {
     pub written: Option<Written>,
     /// Why the result is not to be trusted.
     pub doubt: Option<String>,
+}
+
+/// Sensors on the limbs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Limbs {
+    /// Segments with a calibrated sensor.
+    pub calibrated: Vec<&'static str>,
+    /// Sensors that are missing, have failed or have slipped at the end.
+    pub failed: Vec<&'static str>,
+    /// Cycles without a packet of each calibrated sensor, since it was heard first.
+    pub missing: Vec<u32>,
+    /// Bytes outside of packets: noise, damaged packets, or the messages of a receiver.
+    pub skipped_bytes: u32,
+    /// Standard deviation of the orientation of each segment relative to the pelvis at the end (deg), in table order.
+    pub deviations_deg: Vec<f32>,
+}
+
+impl Limbs {
+    fn of(unit: &Unit<Desk>, chain: &ChainReport) -> Self {
+        let rows = || unit.limbs().table().rows();
+        let errors = unit.board().errors.get();
+        let has_failed =
+            |segment: Segment| errors.is_some_and(|errors| errors.failed & 1 << segment as u8 != 0);
+        let failed = Segment::ALL.into_iter().filter(|s| has_failed(*s));
+        let deviations = errors.map(|errors| errors.deviations());
+        Self {
+            calibrated: rows().map(|row| row.segment.name()).collect(),
+            failed: failed.map(Segment::name).collect(),
+            missing: (rows())
+                .filter_map(|row| chain.missing.get(row.segment as usize).copied())
+                .collect(),
+            skipped_bytes: chain.skipped,
+            deviations_deg: deviations.map_or_else(Vec::new, |deviations| {
+                deviations.iter().map(|(_, d)| d.to_degrees()).collect()
+            }),
+        }
+    }
 }
 
 /// The last estimate of a flight.
@@ -133,15 +179,20 @@ pub fn run(
     unit.report();
     let status = unit.status();
     if status.sensor_samples == 0 {
-        return Err(nothing_in(bytes, contents.as_ref()));
+        return Err(match setup.configure.sensor {
+            SensorKind::Chain => not_calibrated(bytes, &unit.limbs().calibration()),
+            SensorKind::Xbus | SensorKind::Bno08xRvc => nothing_in(bytes, contents.as_ref()),
+        });
     }
     let flight = unit.board().flight.replace(LoggedFlight::default());
-    let report = SensorReport::of(
-        &flight,
-        &status,
-        f64::from(setup.configure.sample_rate),
-        bytes,
-    );
+    let rate = f64::from(setup.configure.sample_rate);
+    let mut report = SensorReport::of(&flight, &status, rate, bytes);
+    report.limbs = (unit.limbs().report()).map(|chain| Limbs::of(&unit, &chain));
+    let failed = report.limbs.as_ref().map(|limbs| limbs.failed.join(", "));
+    if let Some(failed) = failed.filter(|failed| !failed.is_empty()) {
+        let sentence = format!("sensors are missing, have failed or have slipped: {failed}");
+        report.doubt = Some(sentence);
+    }
     Ok((flight, report))
 }
 
@@ -161,6 +212,7 @@ pub fn open(source: &str, baud: u32) -> Result<SensorLine> {
     #[expect(clippy::cast_precision_loss, reason = "lengths of files")]
     let length = bytes.len() as f64;
     let duration = contents.totals().duration_s;
+    let duration = chain_duration(&bytes).unwrap_or(duration);
     let pace = if duration > 0.0 {
         length / duration
     } else {
@@ -168,6 +220,17 @@ pub fn open(source: &str, baud: u32) -> Result<SensorLine> {
     };
     let pace = Some(pace);
     Ok(SensorLine { input, pace })
+}
+
+/// Duration of the bytes of sensors on the limbs (s), by the clock of the one on the pelvis; `None` if they are none.
+fn chain_duration(bytes: &[u8]) -> Option<f64> {
+    let (mut decoder, mut input) = (Decoder::new(), bytes);
+    let (mut last, mut elapsed) = (None, 0.0);
+    while let Some(packet) = decoder.next(&mut input) {
+        let before = last.replace(packet.time).unwrap_or(packet.time);
+        elapsed += f64::from(packet.time.wrapping_sub(before)) * 1e-6;
+    }
+    last.map(|_| elapsed)
 }
 
 /// Time for which a machine runs on after the last byte, so that its log is written.
@@ -218,6 +281,15 @@ fn nothing_in(bytes: u64, contents: Option<&Xbus>) -> Problem {
     ))
 }
 
+/// Explains why sensors on the limbs give no samples.
+fn not_calibrated(bytes: u64, calibration: &Calibration) -> Problem {
+    if calibration.heard == 0 {
+        let problem = format!("found no packet of a sensor on a limb in {bytes} bytes");
+        return Problem::bad_input(problem).help("check --protocol, and --baud for a port");
+    }
+    refused(calibration)
+}
+
 impl SensorReport {
     fn of(flight: &LoggedFlight, status: &Status, rate: f64, bytes: u64) -> Self {
         let count = |wanted: EstimateFlags, but: EstimateFlags| {
@@ -228,7 +300,14 @@ impl SensorReport {
         };
         let all = flight.estimates().count();
         let supported = count(EstimateFlags::SUPPORTED, EstimateFlags::empty());
+        // Until the filter has seen that the person stands, it is lost on the ground, not in flight.
+        let standing = flight
+            .estimates()
+            .take_while(|(time, _)| *time < LONGEST_ARRIVAL)
+            .position(|(_, estimate)| estimate.flags.contains(EstimateFlags::SUPPORTED))
+            .unwrap_or(0);
         let lost = count(EstimateFlags::LOST, EstimateFlags::SUPPORTED);
+        let lost = lost.saturating_sub(standing);
         let unsure = EstimateFlags::DOUBTFUL | EstimateFlags::INCONSISTENT;
         let settled = EstimateFlags::SUPPORTED | EstimateFlags::LOST;
         let doubtful = count(unsure, settled);
@@ -243,6 +322,7 @@ impl SensorReport {
             missing: status.missing,
             sensor_restarts: status.sensor_restarts,
             receiver_solutions: status.receiver_solutions,
+            limbs: None,
             estimates: all as u64,
             estimates_bad: status.estimates_bad,
             supported: share(supported, all),
@@ -288,6 +368,8 @@ struct Desk {
     samples_a_second: u32,
     /// Interval of the samples (us).
     interval: f64,
+    /// Errors of the posture from sensors on the limbs.
+    errors: Cell<Option<SegmentErrors>>,
     flight: RefCell<LoggedFlight>,
 }
 
@@ -304,6 +386,7 @@ impl Desk {
             samples: Cell::new(0),
             samples_a_second,
             interval: 1e6 / rate,
+            errors: Cell::new(None),
             flight: RefCell::new(LoggedFlight::new(setup)),
         }
     }
@@ -336,6 +419,9 @@ impl Board for Desk {
     fn observe(&self, header: &Header, message: &Message) {
         if matches!(message, Message::Sample(_)) {
             self.samples.set(self.samples.get().wrapping_add(1));
+        }
+        if let Message::SegmentErrors(errors) = message {
+            self.errors.set(Some(*errors));
         }
         self.flight.borrow_mut().push(header, *message);
     }

@@ -3,7 +3,8 @@
 use std::time::Instant;
 
 use bodyflight_core::link::{
-    Configure, Message, SegmentTable, Setup, SetupAction, SetupAsk, SetupState, Stored, Verdict,
+    Configure, LimbTable, Message, SegmentTable, Setup, SetupAction, SetupAsk, SetupState, Stored,
+    Verdict,
 };
 use bodyflight_io::diagnostic::{Problem, Result};
 
@@ -21,6 +22,10 @@ const ATTEMPTS: u32 = 15;
 pub fn store(target: &Target, setup: &Setup) -> Result<()> {
     let mut line = greeted(target)?;
     configure(&mut line, &setup.configure, &setup.table)?;
+    for row in setup.limbs.rows() {
+        let frame = line.frame(0, *row);
+        line.write(&frame)?;
+    }
     match ask(&mut line, SetupAction::Store)?.0 {
         SetupState::Present => Ok(()),
         state => Err(refusal(state)),
@@ -101,18 +106,25 @@ fn ask(line: &mut Line, action: SetupAction) -> Result<(SetupState, Option<Setup
     for _ in 0..ATTEMPTS {
         let frame = line.frame(0, SetupAsk { action });
         line.write(&frame)?;
-        let (mut found, mut table) = (None, SegmentTable::new());
+        let (mut found, mut table, mut limbs) = (None, SegmentTable::new(), LimbTable::new());
         let deadline = Instant::now() + ANSWER_TIMEOUT;
         while let Some((_, _, message)) = line.next(deadline)? {
             match message {
                 Message::Configure(configure) => found = Some(configure),
                 Message::SegmentValues(row) => table.insert(row),
+                Message::LimbSensor(row) => {
+                    limbs.insert(&row);
+                }
                 Message::Stored(Stored {
                     state,
                     table_digest,
                 }) => {
                     let whole = found.filter(|_| table.digest() == table_digest);
-                    let setup = whole.map(|configure| Setup { configure, table });
+                    let setup = whole.map(|configure| Setup {
+                        configure,
+                        table,
+                        limbs,
+                    });
                     // A frame of the answer may have been lost: ask again.
                     let is_missing = state == SetupState::Present
                         && action == SetupAction::Read
@@ -138,12 +150,17 @@ mod tests {
     use super::*;
     use crate::stream::configuration_at;
     use crate::virtual_unit::VirtualUnit;
-    use bodyflight_core::link::StreamMode;
+    use bodyflight_core::Segment;
+    use bodyflight_core::link::{LimbSensor, SensorKind, StreamMode};
 
     fn setup() -> Setup {
         let flight = Flight::bare(Path::new("none"));
         let (configure, table) = configuration_at(&flight, 0.0, "auto", 100.0).unwrap();
-        Setup { configure, table }
+        Setup {
+            configure,
+            table,
+            limbs: LimbTable::new(),
+        }
     }
 
     fn target(unit: &VirtualUnit) -> Target {
@@ -159,12 +176,20 @@ mod tests {
         let flash = folder.path().join("flash.bin");
         let unit = VirtualUnit::start_with_log(&flash).unwrap();
         assert_eq!(read(&target(&unit)).unwrap(), None);
-        store(&target(&unit), &setup()).unwrap();
-        assert_eq!(read(&target(&unit)).unwrap(), Some(setup()));
+        let mut setup = setup();
+        setup.configure.sensor = SensorKind::Chain;
+        for segment in [Segment::Pelvis, Segment::LeftShank] {
+            setup.limbs.insert(&LimbSensor {
+                segment,
+                ..LimbSensor::default()
+            });
+        }
+        store(&target(&unit), &setup).unwrap();
+        assert_eq!(read(&target(&unit)).unwrap(), Some(setup));
         // Another unit with the same memory starts with it, without a greeting.
         let again = VirtualUnit::start_with_log(&flash).unwrap();
         assert_eq!(again.resumed(), Some(StreamMode::Sensor));
-        assert_eq!(read(&target(&again)).unwrap(), Some(setup()));
+        assert_eq!(read(&target(&again)).unwrap(), Some(setup));
         erase(&target(&again)).unwrap();
         assert_eq!(read(&target(&again)).unwrap(), None);
     }

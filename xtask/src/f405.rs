@@ -35,11 +35,12 @@ pub(crate) fn f405(write: bool) -> Result<()> {
     Ok(())
 }
 
-/// Streams a flight in real time: nothing may be lost or late, and every estimate must equal the desktop's.
+/// Streams a flight in real time: nothing may be lost or late, and every estimate must equal the desktop's; then flies with
+/// sensors on the limbs alone.
 pub(crate) fn paced(seconds: u32) -> Result<()> {
     let image = image::build_board("stm32f405", "unit")?;
     test(
-        &["f405_paced"],
+        &["f405_paced", "f405_limbs"],
         &image,
         &[("BODYFLIGHT_F405_SECONDS", seconds.to_string())],
     )

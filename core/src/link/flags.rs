@@ -35,6 +35,8 @@ bitflags! {
         const RATE = 1 << 11;
         /// Something other than the air supports the body: it stands, walks, sits, or hangs under a canopy.
         const SUPPORTED = 1 << 12;
+        /// A sensor on a limb is missing, has failed or has slipped: its segment follows a rule, with the error of that.
+        const LIMB = 1 << 13;
     }
 }
 
@@ -99,7 +101,7 @@ impl Wire for EstimateFlags {
     const SIZE: usize = 2;
     const KIND: &'static str = "u16: bit 0 valid, 1 not taken in, 2 bridged, 3 late, 4 restarted, \
                                 5 inconsistent, 6 settling, 7 fault, 8 doubtful, 9 lost, \
-                                10 motion, 11 rate, 12 supported";
+                                10 motion, 11 rate, 12 supported, 13 limb";
     fn put(self, writer: &mut Writer<'_>) -> Option<()> {
         self.bits().put(writer)
     }
@@ -152,7 +154,7 @@ mod tests {
 
     #[test]
     fn the_byte_table_names_every_bit() {
-        assert_eq!(named_bits::<EstimateFlags>(EstimateFlags::KIND), 13);
+        assert_eq!(named_bits::<EstimateFlags>(EstimateFlags::KIND), 14);
         assert_eq!(named_bits::<SensorParts>(SensorParts::KIND), 6);
         assert_eq!(named_bits::<Validity>(Validity::KIND), 5);
     }
@@ -161,7 +163,7 @@ mod tests {
     fn every_set_of_known_bits_and_no_other_survives_the_round_trip() {
         for bits in 0..=u16::MAX {
             let read = EstimateFlags::take(&mut Reader::new(&bits.to_le_bytes()));
-            if bits < 1 << 13 {
+            if bits < 1 << 14 {
                 let mut bytes = [0; 2];
                 read.unwrap().put(&mut Writer::new(&mut bytes)).unwrap();
                 assert_eq!(u16::from_le_bytes(bytes), bits);

@@ -1,5 +1,6 @@
 //! The messages; commands are absolute and may be repeated, so a lost answer is resolved by asking again.
 
+use super::calibration::{Calibrate, Calibration, ChainReport, LimbSensor, SegmentErrors};
 use super::decode_error::DecodeError;
 use super::flags::{EstimateFlags, SensorParts, Validity};
 use super::kept::{LogAsk, LogPiece, SetupAsk, Stored};
@@ -65,6 +66,8 @@ code! {
         Xbus = 0,
         /// A BNO08x in its UART-RVC mode, 115200 baud
         Bno08xRvc = 1,
+        /// Sensors on the limbs on one line, 1000000 baud, with the UBX solutions of a receiver after them
+        Chain = 2,
     }
 }
 
@@ -137,6 +140,8 @@ code! {
         NotABody = 4,
         /// The filter cannot run at these rates: an update needs an even number of samples, up to its window
         UnusableRates = 5,
+        /// This unit was built without sensors on the limbs
+        NoChain = 6,
     }
 }
 
@@ -411,10 +416,15 @@ messages! {
     0x0A TimeSync "TIMESYNC",
     0x0B LogAsk "LOG_ASK",
     0x0C SetupAsk "SETUP_ASK",
+    0x0D LimbSensor "LIMB_SENSOR",
+    0x0E Calibrate "CALIBRATE",
     0x10 Sample "SAMPLE",
     0x11 Estimate "ESTIMATE",
     0x12 Status "STATUS",
     0x13 LogPiece "LOG_PIECE",
     0x14 Sensors "SENSORS",
     0x15 Stored "STORED",
+    0x16 Calibration "CALIBRATION",
+    0x17 SegmentErrors "SEGMENT_ERRORS",
+    0x18 ChainReport "CHAIN",
 }

@@ -4,6 +4,7 @@
 
 use core::fmt;
 
+use super::calibration::{LIMBS, LimbSensor, LimbTable};
 use super::frame::checksum;
 use super::message::{Configure, SegmentValues};
 use super::schema::SCHEMA_HASH;
@@ -13,18 +14,21 @@ use crate::body::SEGMENT_COUNT;
 
 const CONTENT: usize = 8
     + <Configure as super::wire::Body>::SIZE
-    + SEGMENT_COUNT * <SegmentValues as super::wire::Body>::SIZE;
+    + SEGMENT_COUNT * <SegmentValues as super::wire::Body>::SIZE
+    + LIMBS * (1 + <LimbSensor as super::wire::Body>::SIZE);
 
 /// Length of a stored configuration (bytes).
 pub const SETUP_LENGTH: usize = CONTENT + 4;
 
-/// A configuration with its segment table.
+/// A configuration with its segment table and the sensors on the limbs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Setup {
     /// The configuration.
     pub configure: Configure,
     /// The segment table that it refers to.
     pub table: SegmentTable,
+    /// The sensors on the limbs, if they are calibrated.
+    pub limbs: LimbTable,
 }
 
 /// Why a stored configuration is not usable.
@@ -65,6 +69,10 @@ impl Setup {
         for row in self.table.rows() {
             row.put(&mut writer)?;
         }
+        for row in self.limbs.places() {
+            writer.put([u8::from(row.is_some())])?;
+            row.unwrap_or_default().put(&mut writer)?;
+        }
         let found = checksum([&*content]);
         sum.copy_from_slice(&found.to_le_bytes());
         Some(bytes)
@@ -88,7 +96,19 @@ impl Setup {
         for _ in 0..SEGMENT_COUNT {
             table.insert(SegmentValues::take(&mut reader).map_err(|_| SetupError::Value)?);
         }
-        Ok(Self { configure, table })
+        let mut limbs = LimbTable::new();
+        for _ in 0..LIMBS {
+            let [is_there] = reader.take();
+            let row = LimbSensor::take(&mut reader).map_err(|_| SetupError::Value)?;
+            if is_there != 0 && !limbs.insert(&row) {
+                return Err(SetupError::Value);
+            }
+        }
+        Ok(Self {
+            configure,
+            table,
+            limbs,
+        })
     }
 }
 
@@ -98,6 +118,7 @@ mod tests {
     use super::super::packed_quaternion::PackedQuaternion;
     use super::*;
     use crate::aerodynamics::Aerodynamics;
+    use crate::body::Segment;
     use crate::test_body;
     use proptest::prelude::*;
 
@@ -119,6 +140,7 @@ mod tests {
                 table_digest: table.digest(),
             },
             table,
+            limbs: LimbTable::new(),
         }
     }
 
@@ -126,6 +148,16 @@ mod tests {
     fn what_was_stored_is_read_back() {
         let bytes = setup().encode().unwrap();
         assert_eq!(Setup::decode(&bytes), Ok(setup()));
+        let mut worn = setup();
+        for segment in [Segment::LeftShank, Segment::Pelvis, Segment::Thorax] {
+            let sensor = LimbSensor {
+                segment,
+                place: [0.01, -0.02, 0.1],
+                ..LimbSensor::default()
+            };
+            assert!(worn.limbs.insert(&sensor));
+        }
+        assert_eq!(Setup::decode(&worn.encode().unwrap()), Ok(worn));
         assert_eq!(Setup::decode(&bytes[1..]), Err(SetupError::Damaged));
         let incomplete = Setup {
             table: SegmentTable::new(),

@@ -114,6 +114,18 @@ fn commands() -> std::vec::Vec<Message> {
         Message::SetupAsk(SetupAsk {
             action: SetupAction::Read,
         }),
+        Message::LimbSensor(LimbSensor {
+            segment: Segment::LeftShank,
+            place: [0.01, -0.02, -0.15],
+            bias: [0.0025, -0.005, 0.01],
+            bias_deviation: 0.0005,
+            gain: [1.0, 0.996, 1.004],
+            gain_deviation: [0.001, 0.001, 0.005],
+            segment_from_sensor: PackedQuaternion::pack(&equal_quaternion()),
+            tilt_deviation: 0.0625,
+            heading_deviation: 0.125,
+        }),
+        Message::Calibrate(Calibrate {}),
     ]
 }
 
@@ -186,6 +198,25 @@ fn answers() -> std::vec::Vec<Message> {
         Message::Stored(Stored {
             state: SetupState::Present,
             table_digest: 0x1234_5678,
+        }),
+        Message::Calibration(Calibration {
+            stage: CalibrationStage::Poses,
+            verdict: CalibrationVerdict::NoHeading,
+            segment: Segment::RightForearm,
+            rests: 3,
+            heard: 0x1234,
+            turned: 0x00FF,
+        }),
+        Message::SegmentErrors(SegmentErrors {
+            deviation: core::array::from_fn(|place| u8::try_from(place * 9 + 1).unwrap()),
+            failed: 0x0800,
+        }),
+        Message::ChainReport(ChainReport {
+            packets: 60_000,
+            skipped: 1234,
+            missing: core::array::from_fn(|place| u32::try_from(place * 3).unwrap()),
+            late: core::array::from_fn(|place| u16::try_from(place * 300).unwrap()),
+            age: core::array::from_fn(|place| u8::try_from(place * 10).unwrap()),
         }),
     ]
 }

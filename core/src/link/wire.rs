@@ -121,6 +121,8 @@ impl<V: Wire + Default, const N: usize> Wire for [V; N] {
     fn put(self, writer: &mut Writer<'_>) -> Option<()> {
         self.into_iter().try_for_each(|value| value.put(writer))
     }
+    // Out of line: many messages have arrays of the same kind, and a unit little flash.
+    #[inline(never)]
     fn take(reader: &mut Reader<'_>) -> Result<Self, BadValue> {
         let mut values = [V::default(); N];
         for value in &mut values {

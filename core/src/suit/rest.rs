@@ -48,6 +48,20 @@ impl<T: Real> Rest<T> {
         self.force += (reading.specific_force - self.force) * share;
     }
 
+    /// Adds another window.
+    pub fn merge(&mut self, other: &Self) {
+        let Some(count) = self.count.checked_add(other.count).filter(|all| *all > 0) else {
+            return;
+        };
+        let share = T::of(f64::from(other.count)) / T::of(f64::from(count));
+        let off = other.rate - self.rate;
+        let own = T::of(f64::from(self.count));
+        self.rate_squares += other.rate_squares + off.component_mul(&off) * (own * share);
+        self.rate += off * share;
+        self.force += (other.force - self.force) * share;
+        self.count = count;
+    }
+
     /// Readings taken.
     pub fn count(&self) -> u32 {
         self.count
@@ -108,6 +122,24 @@ mod tests {
             specific_force: Vector3::zeros(),
         });
         assert_eq!(still.count(), 400);
+        let mut joined = still;
+        joined.merge(&moving);
+        joined.merge(&Rest::default());
+        let mut twice = still;
+        for k in 0..400_u16 {
+            let noise = if k.is_multiple_of(2) { 0.02 } else { -0.02 };
+            twice.take(&Reading {
+                angular_velocity: Vector3::new(
+                    0.01 + noise,
+                    -0.02 + (0.1 * f32::from(k)).sine_cosine().0,
+                    0.005,
+                ),
+                specific_force: Vector3::new(0.0, 9.8, noise),
+            });
+        }
+        assert_eq!(joined.count(), twice.count());
+        assert!((joined.rate() - twice.rate()).norm() < 1e-5);
+        assert!((joined.rate_deviation() - twice.rate_deviation()).abs() < 1e-4);
         assert!((still.rate() - Vector3::new(0.01, -0.02, 0.005)).norm() < 1e-5);
         assert!((still.up().unwrap() - Vector3::y()).norm() < 1e-3);
         assert!(still.is_still() && !moving.is_still());

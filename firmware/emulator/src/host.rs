@@ -234,6 +234,9 @@ impl Host {
     pub fn store_and_leave(&mut self, setup: &Setup) -> Result<()> {
         self.greet()?;
         self.configure(setup.configure, &setup.table)?;
+        for row in setup.limbs.rows() {
+            self.command(*row)?;
+        }
         let action = SetupAction::Store;
         self.ask("to store", SetupAsk { action }, |host| {
             host.stored.is_some()

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use bodyflight_core::frame::{Inertial, Rotation};
-use bodyflight_core::link::{Estimate, EstimateFlags, Setup};
+use bodyflight_core::link::{Estimate, EstimateFlags, LimbTable, Setup};
 use bodyflight_laboratory::sensor_bytes::SensorBytes;
 use bodyflight_mvnx::recording::FlightFrame;
 use bodyflight_replay::flight as file;
@@ -109,7 +109,11 @@ impl Sensed {
         let (configure, table) = configuration_at(flight, 0.0, "auto", rate)?;
         let bytes = sensor.of(&frames);
         Ok(Self {
-            setup: Setup { configure, table },
+            setup: Setup {
+                configure,
+                table,
+                limbs: LimbTable::new(),
+            },
             frames,
             bytes,
             muscle: [0.0; 3],

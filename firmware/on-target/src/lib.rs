@@ -26,7 +26,12 @@ use bodyflight_core::estimator::reduced::Reduced;
 use bodyflight_core::estimator::{Estimator, trace};
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::{Real, small_rotation};
-use bodyflight_core::{Body, Posture};
+use bodyflight_core::suit::mounting::Mounting;
+use bodyflight_core::suit::placement::of_size;
+use bodyflight_core::suit::set::{Fitted, Suit};
+use bodyflight_core::suit::strapdown::Reading;
+use bodyflight_core::suit::tray::Gyroscope;
+use bodyflight_core::{Body, Posture, Segment};
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use nalgebra::Vector3;
@@ -343,6 +348,41 @@ fn loads(counter: &mut Counter, dynamics: &Dynamics<f32>, model: LoadModel) -> [
     })
 }
 
+/// Instructions of ten sensors on the limbs in a second at 100 Hz, posture and errors with each sample, and bytes of
+/// their set.
+#[inline(never)]
+fn suit(counter: &mut Counter, body: &Body<f32>) -> Option<[u32; 2]> {
+    let segments: &[Segment; 10] = of_size(10)?.first_chunk()?;
+    let fitted = segments.map(|segment| Fitted {
+        segment,
+        place: body.segments[segment].cg,
+        gyroscope: Gyroscope::default(),
+        mounting: Mounting {
+            segment_from_sensor: small_rotation(&Vector3::new(0.1, 0.2, 0.3)),
+            tilt_deviation: 0.05,
+            heading_deviation: 0.2,
+        },
+        range: None,
+    });
+    let mut suit = Suit::<f32, 10>::new(&fitted, body, &Posture::h_pose()).ok()?;
+    let mut instructions = 0;
+    for k in 0..100_u8 {
+        let swing = f32::from(k % 10) * 0.1;
+        let readings = segments.map(|segment| {
+            let own = f32::from(segment as u8) * 0.02;
+            Some(Reading {
+                angular_velocity: Vector3::new(swing, own, 0.3),
+                specific_force: Vector3::new(own, swing, 9.5),
+            })
+        });
+        instructions += counter.instructions(|| {
+            suit.push(&readings, 0.01);
+            suit.posture()
+        });
+    }
+    Some([instructions, u32::try_from(size_of_val(&suit)).ok()?])
+}
+
 /// Prints all results; returns `None` if the core refuses the person or a preset.
 pub fn run(timer: SYST, pace: Pace) -> Option<()> {
     let body = body()?;
@@ -376,6 +416,9 @@ pub fn run(timer: SYST, pace: Pace) -> Option<()> {
         println!("{name} {estimate}");
         println!("stack_of_{name} {stack}");
     }
+    let [instructions, bytes] = suit(&mut counter, &body)?;
+    println!("suit_in_a_second {instructions}");
+    println!("suit_bytes {bytes}");
     // The paper's window of 60 samples does not fit this board. Its cost is extrapolated from two shorter ones, since
     // every sample of the window costs the same.
     let [_, of_8, _] = paper_pushes::<8>(&mut counter, &dynamics, &posture)?;

@@ -1,6 +1,5 @@
 //! The unit's two filters behind one interface: their inputs from a sample, and their outputs for the link.
 
-use bodyflight_core::Posture;
 use bodyflight_core::dynamics::{Dynamics, Motion};
 use bodyflight_core::estimator::measurement::Measurement;
 use bodyflight_core::estimator::motion::ReducedMotionFilter;
@@ -17,6 +16,9 @@ use bodyflight_core::estimator::unit_preset::UnitPreset;
 use bodyflight_core::estimator::unscented::SettingsError;
 use bodyflight_core::estimator::{ReducedFilter, input_coefficients};
 use bodyflight_core::link::{self, EstimateFlags, PackedQuaternion, Sample, Sensors, Validity};
+
+use crate::limbs;
+use bodyflight_core::{Posture, SegmentArray};
 
 /// Standard deviation of a gyroscope on the body, vibration included (rad/s).
 const GYROSCOPE_DEVIATION: f32 = 0.02;
@@ -81,6 +83,25 @@ impl Filter {
         match self {
             Self::Windows(filter) => filter.restart(motion, posture),
             Self::Motion(filter) => filter.restart_assuming(motion, posture, velocity_deviation),
+        }
+    }
+
+    /// Takes errors of segments (rad) after a start; the paper's filters know none, and a build without sensors on the limbs has
+    /// no room for them.
+    pub(super) fn set_segment_errors(&mut self, deviations: &SegmentArray<f32>) {
+        if let Self::Motion(filter) = self
+            && limbs::IS_BUILT_IN
+        {
+            filter.set_segment_errors(deviations);
+        }
+    }
+
+    /// Replaces them in flight.
+    pub(super) fn change_segment_errors(&mut self, deviations: &SegmentArray<f32>) {
+        if let Self::Motion(filter) = self
+            && limbs::IS_BUILT_IN
+        {
+            filter.change_segment_errors(deviations);
         }
     }
 

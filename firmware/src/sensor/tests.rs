@@ -44,7 +44,7 @@ fn every_earth_frame_is_converted_to_the_models() {
     ] {
         let mut sensor = Sensor::new();
         let bytes = moving_packet(system, wxyz, [0.1, 0.2, 0.3], velocity);
-        let Sensed { header, sample, .. } = sensor.next(&mut bytes.as_slice(), 42).unwrap();
+        let Sensed { header, sample, .. } = sensor.next(&mut bytes.as_slice(), 42, None).unwrap();
         assert_eq!((header.sequence, header.time), (0, 42));
         let turn = sample.inertial_from_body().quaternion().angle();
         assert!(turn < 1e-3, "{system:?}: {turn}");
@@ -69,7 +69,7 @@ fn the_mounting_turns_attitude_and_angular_velocity() {
         [1.0, 0.0, 0.0],
         [0.0; 3],
     );
-    let Sensed { sample, .. } = sensor.next(&mut bytes.as_slice(), 0).unwrap();
+    let Sensed { sample, .. } = sensor.next(&mut bytes.as_slice(), 0, None).unwrap();
     let spin = sample.motion().angular_velocity.unwrap().components;
     assert!((spin - Vector3::z()).norm() < 2e-3, "{spin}");
     // The body's Z points where the sensor's X does: to the north.
@@ -81,10 +81,10 @@ fn the_mounting_turns_attitude_and_angular_velocity() {
 fn packets_without_an_attitude_are_not_samples() {
     let mut sensor = Sensor::new();
     let bytes = packet(&[(DataId::RATE_OF_TURN, &[0.0; 3])]);
-    assert!(sensor.next(&mut bytes.as_slice(), 0).is_none());
+    assert!(sensor.next(&mut bytes.as_slice(), 0, None).is_none());
     // A quaternion of zeros is not a rotation.
     let bytes = moving_packet(CoordinateSystem::NorthWestUp, [0.0; 4], [0.0; 3], [0.0; 3]);
-    assert!(sensor.next(&mut bytes.as_slice(), 0).is_none());
+    assert!(sensor.next(&mut bytes.as_slice(), 0, None).is_none());
 }
 
 #[test]
@@ -105,7 +105,7 @@ fn a_receivers_solution_is_attached_to_the_next_sample() {
         let mut input = line;
         while let Some(Sensed {
             sample, sensors, ..
-        }) = sensor.next(&mut input, 0)
+        }) = sensor.next(&mut input, 0, None)
         {
             found.push((sample.motion(), sensors.receiver()));
         }
@@ -129,7 +129,7 @@ fn the_specific_force_is_turned_to_body_axes() {
         (DataId::ACCELERATION, &[9.81, 0.0, 0.0]),
     ];
     let bytes = counted_packet(0, 0, &items);
-    let sensed = sensor.next(&mut bytes.as_slice(), 0).unwrap();
+    let sensed = sensor.next(&mut bytes.as_slice(), 0, None).unwrap();
     let force = sensed.sensors.specific_force().unwrap().force.components;
     assert!(
         (force - Vector3::new(0.0, 0.0, 9.81)).norm() < 0.02,
@@ -142,7 +142,7 @@ fn the_specific_force_is_turned_to_body_axes() {
         (DataId::ACCELERATION, &[f32::NAN, 0.0, 0.0]),
     ];
     let bytes = counted_packet(1, 100, &items);
-    let sensed = sensor.next(&mut bytes.as_slice(), 0).unwrap();
+    let sensed = sensor.next(&mut bytes.as_slice(), 0, None).unwrap();
     assert_eq!(sensed.sensors.specific_force(), None);
 }
 
@@ -166,7 +166,7 @@ fn a_sensor_with_an_orientation_knows_when_it_is_still() {
                 sensor.receive_solutions(&solution(velocity, 0.2), u64::from(count) * 10_000);
             }
             let bytes = counted_packet(count, u32::from(count) * 100, &items);
-            let sensed = sensor.next(&mut bytes.as_slice(), u64::from(count) * 10_000);
+            let sensed = sensor.next(&mut bytes.as_slice(), u64::from(count) * 10_000, None);
             is_still = sensed.unwrap().sensors.is_still();
         }
         is_still
@@ -184,7 +184,7 @@ fn a_restart_of_the_sensor_loses_nothing_but_the_packets_until_it_is_seen() {
     let items: [(DataId, &[f32]); 1] = [(ATTITUDE, &[1.0, 0.0, 0.0, 0.0])];
     let mut seen = |counter: u16, ticks: u32| {
         let bytes = counted_packet(counter, ticks, &items);
-        sensor.next(&mut bytes.as_slice(), 0).unwrap().header
+        sensor.next(&mut bytes.as_slice(), 0, None).unwrap().header
     };
     // Up for 40 minutes at 100 Hz.
     let before = seen(43_000, 24_000_000);
@@ -208,7 +208,7 @@ fn numbers_from_three(items: &[(DataId, &[f32])]) -> Vec<u32> {
     let line = [of(1, 0), of(2, 0), of(3, 0), of(1, 1), of(2, 1), of(3, 1)].concat();
     let mut input = line.as_slice();
     let mut numbers = Vec::new();
-    while let Some(sensed) = sensor.next(&mut input, 0) {
+    while let Some(sensed) = sensor.next(&mut input, 0, None) {
         numbers.push(sensed.header.sequence);
     }
     numbers
@@ -234,7 +234,7 @@ fn packets_without_an_orientation_are_not_missing() {
         let attitude: [(DataId, &[f32]); 1] = [(ATTITUDE, &[1.0, 0.0, 0.0, 0.0])];
         let items = if with_attitude { &attitude[..] } else { &[] };
         let bytes = counted_packet(counter, 0, items);
-        let sensed = sensor.next(&mut bytes.as_slice(), 0);
+        let sensed = sensor.next(&mut bytes.as_slice(), 0, None);
         numbers.extend(sensed.map(|sensed| sensed.header.sequence));
     }
     // The packets counted 1 and 2 are missing.
@@ -254,7 +254,7 @@ fn every_form_of_an_orientation_is_read() {
         (DataId::ROTATION_MATRIX, matrix.as_slice()),
     ] {
         let bytes = packet(&[(id.with(north, NumberFormat::Float32), numbers)]);
-        let sensed = Sensor::new().next(&mut bytes.as_slice(), 0).unwrap();
+        let sensed = Sensor::new().next(&mut bytes.as_slice(), 0, None).unwrap();
         let found = sensed.sample.inertial_from_body();
         assert!(found.quaternion().angle_to(&sent) < 1e-3, "{found:?}");
     }

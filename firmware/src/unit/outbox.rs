@@ -9,7 +9,7 @@ use crate::queue::Queue;
 const FRAMES: usize = 24;
 
 /// Number of message type codes.
-const TYPES: usize = 0x16;
+const TYPES: usize = 0x19;
 
 #[derive(Debug)]
 pub(super) struct Outbox {

@@ -10,6 +10,7 @@ impl<B: Board> Unit<B> {
     /// configuration was accepted; otherwise the unit waits for a host.
     pub fn resume(&mut self, setup: &Setup) -> bool {
         self.table = setup.table;
+        self.sensor.limbs_mut().set_table(&setup.limbs);
         self.configure(setup.configure);
         if self.computer.configuration().is_none() {
             return false;
@@ -20,6 +21,27 @@ impl<B: Board> Unit<B> {
         true
     }
 
+    /// Begins a new calibration of the sensors on the limbs.
+    pub fn calibrate(&mut self) {
+        self.sensor.limbs_mut().calibrate();
+        let answer = self.sensor.limbs().calibration();
+        self.send(self.board.now(), answer);
+    }
+
+    /// Tells the host and the light how a calibration goes on, and stores one that has ended well.
+    pub(super) fn follow_calibration(&mut self) {
+        let Some(news) = self.sensor.limbs_mut().news() else {
+            return;
+        };
+        self.light.see_calibration(news.stage, news.verdict);
+        if self.greeted {
+            self.send(self.board.now(), news);
+        }
+        if self.sensor.limbs_mut().is_to_store() && self.board.recorder().is_some() {
+            self.ask_setup(SetupAction::Store);
+        }
+    }
+
     pub(super) fn ask_setup(&mut self, action: SetupAction) {
         let Some(recorder) = self.board.recorder() else {
             self.answer_setup(SetupState::NoStorage, None);
@@ -27,8 +49,13 @@ impl<B: Board> Unit<B> {
         };
         let record = match (action, self.asked) {
             (SetupAction::Store, Some(configure)) if self.computer.configuration().is_some() => {
-                let table = self.table;
-                Setup { configure, table }.encode()
+                let (table, limbs) = (self.table, *self.sensor.limbs().table());
+                let setup = Setup {
+                    configure,
+                    table,
+                    limbs,
+                };
+                setup.encode()
             }
             _ => None,
         };
@@ -45,6 +72,9 @@ impl<B: Board> Unit<B> {
         if let Some(setup) = setup {
             self.send(now, setup.configure);
             for row in setup.table.rows() {
+                self.send(now, *row);
+            }
+            for row in setup.limbs.rows() {
                 self.send(now, *row);
             }
         }

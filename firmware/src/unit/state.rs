@@ -5,7 +5,7 @@ use core::mem::MaybeUninit;
 
 use bodyflight_core::link::{
     Configure, Decoder, Header, HelloAcknowledge, MAX_FRAME_LENGTH, Message, SCHEMA_HASH, Sample,
-    SegmentTable, Sensors,
+    SegmentErrors, SegmentTable, Sensors,
 };
 
 use super::outbox::Outbox;
@@ -13,6 +13,7 @@ use super::session::{Session, Silence};
 use crate::board::{Board, Identity};
 use crate::computer::Computer;
 use crate::light::Light;
+use crate::limbs::Limbs;
 use crate::queue::Queue;
 use crate::sensor::Sensor;
 
@@ -26,6 +27,8 @@ pub(super) struct Waiting {
     pub(super) sample: Sample,
     /// What the sensor on the unit's own port measured besides.
     pub(super) sensors: Option<Sensors>,
+    /// Errors of the posture from here on, if they have changed.
+    pub(super) errors: Option<SegmentErrors>,
     /// Arrival time (us), by the board's clock.
     pub(super) arrived: u64,
 }
@@ -105,6 +108,11 @@ impl<B: Board> Unit<B> {
     /// The board that the unit runs on.
     pub fn board(&self) -> &B {
         &self.board
+    }
+
+    /// The sensors on the limbs.
+    pub fn limbs(&self) -> &Limbs {
+        self.sensor.limbs()
     }
 
     /// The computation.

@@ -1,19 +1,22 @@
 //! The work of a session, from its configuration to its end: samples in, estimates out.
 
 use bodyflight_core::link::{
-    Arrival, Configure, Configured, Credit, Estimate, EstimateFlags, Header, Sample, Sensors,
-    Status, Stop, StreamMode, Verdict,
+    Arrival, Configure, Configured, Credit, Estimate, EstimateFlags, Header, Sample, SegmentErrors,
+    SensorKind, Sensors, Status, Stop, StreamMode, Verdict,
 };
 
 use super::session::{Session, Silence};
 use super::state::{Unit, Waiting};
 use crate::board::Board;
 use crate::computer::{Configuration, Outcome};
+use crate::limbs;
 
 impl<B: Board> Unit<B> {
     pub(super) fn configure(&mut self, asked: Configure) {
         self.asked = Some(asked);
+        let is_unknown = asked.sensor == SensorKind::Chain && !limbs::IS_BUILT_IN;
         let verdict = match Configuration::new(&asked, &self.table) {
+            Ok(_) if is_unknown => Verdict::NoChain,
             Ok(configuration) => {
                 self.computer.configure(configuration);
                 self.sensor.mount(asked.body_from_sensor.unpack());
@@ -75,18 +78,25 @@ impl<B: Board> Unit<B> {
             return;
         }
         match session.ledger.receive(header.sequence) {
-            Arrival::New { .. } => self.enqueue(header, sample, None),
+            Arrival::New { .. } => self.enqueue(header, sample, None, None),
             Arrival::Late => {}
             // A repeated sample asks for the current credit.
             Arrival::Duplicate | Arrival::Stale => self.grant(true),
         }
     }
 
-    pub(super) fn enqueue(&mut self, header: Header, sample: Sample, sensors: Option<Sensors>) {
+    pub(super) fn enqueue(
+        &mut self,
+        header: Header,
+        sample: Sample,
+        sensors: Option<Sensors>,
+        errors: Option<SegmentErrors>,
+    ) {
         let waiting = Waiting {
             header,
             sample,
             sensors,
+            errors,
             arrived: self.board.now(),
         };
         let gave_way = self.samples.push(waiting).is_some();
@@ -106,6 +116,9 @@ impl<B: Board> Unit<B> {
         self.last = Some((waiting.header, waiting.sample));
         let begin = self.board.cycles();
         let sensors = waiting.sensors.as_ref();
+        if let Some(errors) = &waiting.errors {
+            self.computer.set_segment_errors(errors);
+        }
         let outcome = self
             .computer
             .sample_with(sequence, time, &waiting.sample, sensors);
@@ -118,6 +131,9 @@ impl<B: Board> Unit<B> {
         }
         if let Some(sensors) = waiting.sensors {
             self.note(&waiting.header, sensors);
+        }
+        if let Some(errors) = waiting.errors {
+            self.note(&waiting.header, errors);
         }
         self.note(&waiting.header, waiting.sample);
         if let Outcome::Used(Some(estimate)) = outcome {
@@ -175,6 +191,9 @@ impl<B: Board> Unit<B> {
         self.note_status(status);
         if self.greeted {
             self.send(self.board.now(), status);
+            if let Some(chain) = self.sensor.limbs().report() {
+                self.send(self.board.now(), chain);
+            }
         }
         status
     }

@@ -67,6 +67,10 @@ pub(super) struct Args {
     /// end of the flight, into the folder sensors, with a mapping for `import`.
     #[arg(long, value_name = "COUNT", value_parser = sensor_count)]
     sensors: Option<usize>,
+    /// Also write chain.bin: the same readings as the bytes of these sensors on one line, with a receiver's solutions, for
+    /// `stream --sensor --protocol chain`.
+    #[arg(long, requires = "sensors")]
+    chain: bool,
 }
 
 /// A number of sensors for which there is a set.
@@ -139,6 +143,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         muscle_forces: args.muscle_forces.forces(),
         lever_arms: lever_arms(args)?,
         limbs: args.sensors.and_then(of_size),
+        chain: args.chain,
     };
     let report = write(&request, additions, &args.out)?;
     if json {

@@ -1,5 +1,6 @@
 //! `bodyflight unit`.
 
+pub(super) mod calibrate;
 pub(super) mod sensor;
 pub(super) mod setup;
 
@@ -53,6 +54,7 @@ pub(super) struct Args {
 #[derive(clap::Subcommand)]
 enum Verb {
     Configure(ConfigureArgs),
+    Calibrate(calibrate::Args),
     Show(ShowArgs),
     Log(LogArgs),
     Flash(FlashArgs),
@@ -126,6 +128,7 @@ pub(super) struct Report {
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     match &args.verb {
         Some(Verb::Configure(args)) => return setup::configure(args, json),
+        Some(Verb::Calibrate(args)) => return calibrate::run(args, json),
         Some(Verb::Show(args)) => return setup::show(args, json),
         Some(Verb::Log(args)) => return read_log(args, json),
         Some(Verb::Flash(args)) => return flash(args, json),

@@ -29,6 +29,14 @@ pub struct Fix {
     velocity: Vector3<f64>,
 }
 
+impl Fix {
+    /// Time since the begin of the flight (s) and velocity (m/s, north, west, up); `None` before it.
+    pub(super) fn in_flight(&self) -> Option<(f64, Vector3<f64>)> {
+        let time = self.time - AROUND;
+        (time >= 0.0).then_some((time, self.velocity))
+    }
+}
+
 pub(super) fn of(random: &mut ChaCha8Rng, frames: &[FlightFrame]) -> Vec<Fix> {
     let mut track = Vec::new();
     let (Some(first), Some(last)) = (frames.first(), frames.last()) else {

@@ -3,12 +3,12 @@
 
 use std::path::{Path, PathBuf};
 
-use bodyflight_core::Body;
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::link::{
     BlockReader, Configure, Estimate, Header, Message, Sample, SegmentTable, Setup, Status,
     Validity,
 };
+use bodyflight_core::{Body, Posture};
 use serde::Serialize;
 
 use super::tables::{self, since};
@@ -117,6 +117,13 @@ impl LoggedFlight {
         let first = self.samples.first().map_or(0, |(time, _)| *time);
         let estimates = self.estimates.iter();
         estimates.map(move |(time, estimate)| (since(first, *time), estimate))
+    }
+
+    /// The postures of its samples, each with the time since the first sample (s).
+    pub fn postures(&self) -> impl Iterator<Item = (f64, Posture<f64>)> {
+        let first = self.samples.first().map_or(0, |(time, _)| *time);
+        let samples = self.samples.iter();
+        samples.map(move |(time, sample)| (since(first, *time), sample.posture().cast()))
     }
 
     /// Time from the first sample to the last (s).

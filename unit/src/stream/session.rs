@@ -177,7 +177,10 @@ impl Session {
                 Verdict::Accepted => return Ok(()),
                 Verdict::Incomplete => !answer.segments,
                 Verdict::DigestMismatch => u16::MAX,
-                Verdict::UnknownPreset | Verdict::NotABody | Verdict::UnusableRates => break,
+                Verdict::UnknownPreset
+                | Verdict::NotABody
+                | Verdict::UnusableRates
+                | Verdict::NoChain => break,
             };
             // One by one: the unit's receive buffer need not hold them all.
             for row in table

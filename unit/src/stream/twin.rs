@@ -171,6 +171,7 @@ pub fn in_log(blocks: &[Vec<u8>]) -> Agreement {
                 }
             }
             Message::Sensors(readings) => sensors = Some(readings),
+            Message::SegmentErrors(errors) => computer.set_segment_errors(&errors),
             Message::Sample(sample) => {
                 let Header { sequence, time, .. } = header;
                 let readings = sensors.take();

@@ -100,14 +100,21 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
     /// Takes errors of segments, each on its own, in place of the preset's error of all joints: standard deviations
     /// relative to the pelvis, each axis (rad). Call it before the first sample; inputs are unknown afterwards.
     pub fn set_segment_errors(&mut self, deviations: &SegmentArray<T>) {
-        let one = self.process.joint_deviation();
-        self.posture_error
-            .set_segments(&deviations.map(|_, deviation| *deviation / one));
+        self.change_segment_errors(deviations);
         let (motion, posture) = (self.motion(), self.posture);
         self.posture_error
             .renew(&self.dynamics, &posture, &motion, &mut self.sample);
         self.take_joint_errors(&motion);
         self.forget_inputs();
+    }
+
+    /// Replaces the errors of segments that [`MotionFilter::set_segment_errors`] took, for example because gyroscopes have
+    /// drifted since. They act once all axes were computed anew, about [`JOINT_AXES`](super::posture_error::JOINT_AXES)
+    /// intervals later; estimates are kept.
+    pub fn change_segment_errors(&mut self, deviations: &SegmentArray<T>) {
+        let one = self.process.joint_deviation();
+        self.posture_error
+            .set_segments(&deviations.map(|_, deviation| *deviation / one));
     }
 
     pub(super) fn is_started(&self) -> bool {

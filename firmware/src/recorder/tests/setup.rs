@@ -1,6 +1,6 @@
 //! The stored configuration, beside the log on the same chip.
 
-use bodyflight_core::link::{Configure, Setup, SetupState};
+use bodyflight_core::link::{Configure, LimbTable, Setup, SetupState};
 
 use super::*;
 use crate::test_flight::{configure, table};
@@ -30,6 +30,7 @@ fn setup(height: f32) -> Setup {
             ..configure()
         },
         table: table(),
+        limbs: LimbTable::new(),
     }
 }
 

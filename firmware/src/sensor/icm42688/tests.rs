@@ -202,7 +202,7 @@ fn a_still_chip_is_level_after_a_second() {
     let mut sensor = Sensor::new();
     let mut samples = Vec::new();
     for piece in bytes(&mut port, 900).into_iter().flatten() {
-        samples.extend(sensor.next(&mut piece.as_slice(), 0));
+        samples.extend(sensor.next(&mut piece.as_slice(), 0, None));
     }
     let level = |sensed: &&Sensed| sensed.sample.valid.contains(Validity::ATTITUDE);
     assert_eq!(samples.len(), 300);

@@ -1,7 +1,7 @@
 //! A unit that no host ever greeted: power, a sensor's bytes, a receiver's.
 
 use bodyflight_core::estimator::unit_preset::UnitPreset;
-use bodyflight_core::link::{SensorKind, Setup};
+use bodyflight_core::link::{LimbTable, SensorKind, Setup};
 use bodyflight_core::xbus::DataId;
 
 use super::*;
@@ -17,6 +17,7 @@ pub(super) fn setup() -> Setup {
             ..configure
         },
         table: table(),
+        limbs: LimbTable::new(),
     }
 }
 

@@ -71,6 +71,7 @@ const ANSWERS: &[Row] = &[
     ),
     ("trim", answer::<verbs::trim::Report>),
     ("tune", answer::<verbs::tune::Report>),
+    ("unit-calibrate", answer::<unit::calibrate::Calibrated>),
     ("unit-configure", answer::<unit::setup::Stored>),
     ("unit-flash", answer::<unit::Flashed>),
     ("unit-log", answer::<unit::Report>),

@@ -77,6 +77,14 @@ fn print(report: &SensorReport) {
         percent(report.doubtful),
         percent(report.lost)
     ));
+    if let Some(limbs) = &report.limbs {
+        let lost: u32 = limbs.missing.iter().sum();
+        terminal::print(&format!(
+            "{} calibrated sensors on the limbs, {lost} packets missing; posture within {:.1} degrees at the end",
+            limbs.calibrated.len(),
+            limbs.deviations_deg.iter().copied().fold(0.0, f32::max)
+        ));
+    }
     let last = report.last.filter(|_| report.doubt.is_none());
     if let Some([north, west, up]) = last.and_then(|last| last.velocity_mps) {
         terminal::print(&format!(

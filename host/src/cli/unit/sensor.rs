@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bodyflight_core::link::{PackedQuaternion, SensorKind, Setup};
+use bodyflight_core::link::{LimbTable, PackedQuaternion, SensorKind, Setup};
 use bodyflight_core::nalgebra::{Quaternion, UnitQuaternion};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::Flight;
@@ -17,6 +17,8 @@ enum Protocol {
     Xbus,
     /// A BNO08x in its UART-RVC mode.
     Bno08xRvc,
+    /// Sensors on the limbs on one line.
+    Chain,
 }
 
 /// The sensor on the unit's own port.
@@ -44,6 +46,11 @@ impl SensorArgs {
         let flight = Flight::read_person(path)?;
         let preset = estimate::unit_preset(preset)?;
         let (mut configure, table) = configuration_at(&flight, 0.0, &preset, rate)?;
+        if self.mounting.is_some() && matches!(self.protocol, Some(Protocol::Chain)) {
+            return Err(Problem::bad_input(
+                "--mounting is not for sensors on the limbs: their calibration finds how each of them lies",
+            ));
+        }
         if let Some([w, x, y, z]) = self.mounting.as_deref().and_then(<[f32]>::first_chunk) {
             let sent = Quaternion::new(*w, *x, *y, *z);
             if (sent.norm() - 1.0).abs() > 0.01 {
@@ -66,7 +73,12 @@ impl SensorArgs {
         configure.sensor = match self.protocol.unwrap_or(Protocol::Xbus) {
             Protocol::Xbus => SensorKind::Xbus,
             Protocol::Bno08xRvc => SensorKind::Bno08xRvc,
+            Protocol::Chain => SensorKind::Chain,
         };
-        Ok(Setup { configure, table })
+        Ok(Setup {
+            configure,
+            table,
+            limbs: LimbTable::new(),
+        })
     }
 }

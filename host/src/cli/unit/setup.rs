@@ -82,6 +82,8 @@ pub(crate) struct Stored {
     receiver_latency_s: Option<f32>,
     /// Mounting, a quaternion w, x, y, z.
     body_from_sensor_wxyz: Option<[f32; 4]>,
+    /// Segments with a calibrated sensor of a chain.
+    limbs: Option<Vec<&'static str>>,
     /// Checksum of the segment table, eight hexadecimal digits.
     table: Option<String>,
 }
@@ -134,12 +136,14 @@ fn print(setup: Option<&Setup>, json: bool) -> Result<()> {
         sensor: configure.map(|c| match c.sensor {
             SensorKind::Xbus => "xbus",
             SensorKind::Bno08xRvc => "bno08x-rvc",
+            SensorKind::Chain => "chain",
         }),
         receiver_latency_s: configure.map(|c| c.receiver_latency),
         body_from_sensor_wxyz: configure.map(|c| {
             let q = c.body_from_sensor.unpack();
             [q.w, q.i, q.j, q.k]
         }),
+        limbs: setup.map(|setup| setup.limbs.rows().map(|row| row.segment.name()).collect()),
         table: setup.map(|setup| format!("{:08x}", setup.table.digest())),
     };
     if json {
@@ -159,5 +163,13 @@ fn print(setup: Option<&Setup>, json: bool) -> Result<()> {
         configure.air_density,
         stored.table.unwrap_or_default(),
     ));
+    if configure.sensor == SensorKind::Chain {
+        let limbs = stored.limbs.unwrap_or_default();
+        terminal::print(&if limbs.is_empty() {
+            "the sensors on the limbs are not calibrated: `bodyflight unit calibrate`".to_owned()
+        } else {
+            format!("{} calibrated sensors: {}", limbs.len(), limbs.join(", "))
+        });
+    }
     Ok(())
 }

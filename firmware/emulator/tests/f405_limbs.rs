@@ -1,0 +1,147 @@
+//! Sensors on the limbs of a unit without a host: power on, the person stands upright, and jumps.
+
+use std::io::Cursor;
+use std::path::Path;
+use std::sync::LazyLock;
+
+use bodyflight_core::link::{SensorKind, Setup};
+use bodyflight_core::maneuver::Maneuver;
+use bodyflight_core::sensor_noise::SensorNoise;
+use bodyflight_core::suit::placement::of_size;
+use bodyflight_emulator::sensed::{Sensed, is_consistent};
+use bodyflight_emulator::{Flight, Host, Options};
+use bodyflight_firmware::computer::Configuration;
+use bodyflight_firmware::limbs::Limbs;
+use bodyflight_laboratory::limb_sensors::line::STANDING;
+use bodyflight_laboratory::limb_sensors::{LimbSensors, Sizes};
+use bodyflight_laboratory::sensor_bytes::SensorBytes;
+use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, fly};
+use bodyflight_replay::flight as file;
+use bodyflight_unit::monitor::Input;
+use bodyflight_unit::sensor_line;
+
+/// What a host would stream; none of it is sent here.
+static FLIGHT: LazyLock<Flight> = LazyLock::new(|| Flight::of("tracking", "auto").unwrap());
+
+/// The line is heard from this long before the flight to this long after its begin (s).
+const BEFORE: f64 = 8.0;
+const AFTER: f64 = 6.0;
+
+/// The bytes of ten sensors and a receiver, each with the time since the flight began (s).
+fn line() -> Vec<(f64, Vec<u8>)> {
+    let flight = file::Flight::bare(Path::new(""));
+    let request = Request {
+        maneuver: Maneuver::from_name("exit-and-tracking").unwrap(),
+        subject: &flight.subject,
+        density: 1.0,
+        seed: 2,
+        noise: SensorNoise::NONE,
+        joint_error: JointError::default(),
+        sway: DEFAULT_SWAY,
+        tunnel: false,
+    };
+    let mut frames = Vec::new();
+    let mut each = |frame: bodyflight_mvnx::recording::FlightFrame| {
+        frames.push(frame);
+        Ok(())
+    };
+    fly(&request, &flight.dynamics(4000.0), &mut each, &mut |_| {}).unwrap();
+    frames.retain(|frame| frame.time <= AFTER);
+    let sensors = LimbSensors {
+        seed: 2,
+        segments: of_size(10).unwrap(),
+        sizes: Sizes::TYPICAL,
+        fault: None,
+    };
+    let streams = sensors.of(&flight.subject.body(), &frames);
+    let begin = streams.flight_s + STANDING;
+    let sent = streams.line().into_iter();
+    sent.map(|(time, bytes)| (time - begin, bytes)).collect()
+}
+
+/// A configuration with the calibration that the line begins with.
+fn calibrated(line: &[(f64, Vec<u8>)]) -> Setup {
+    let maneuver = Sensed::of_maneuver("tracking", 0.1, &SensorBytes::TYPICAL).unwrap();
+    let mut setup = maneuver.setup;
+    setup.configure.sensor = SensorKind::Chain;
+    (setup.configure.sample_rate, setup.configure.update_rate) = (100.0, 25.0);
+    let configuration = Configuration::new(&setup.configure, &setup.table).unwrap();
+    let mut limbs = Limbs::new();
+    for (_, bytes) in line {
+        let mut input = &bytes[..];
+        while limbs.next(&mut input, Some(configuration.body())).is_some() {}
+        if limbs.is_to_store() {
+            setup.limbs = *limbs.table();
+            return setup;
+        }
+    }
+    panic!("not calibrated: {:?}", limbs.calibration());
+}
+
+#[test]
+#[ignore = "needs the image: cargo xtask hil"]
+fn power_on_an_upright_pose_and_a_jump_give_the_desktops_estimates() {
+    let line = line();
+    let setup = calibrated(&line);
+    let flown: Vec<_> = line
+        .into_iter()
+        .filter(|(time, _)| *time > -BEFORE)
+        .collect();
+    let mut host = Host::power(&Options::new(), &FLIGHT).unwrap();
+    host.store_and_leave(&setup).unwrap();
+    let begin = host.chip.now() + 300_000;
+    for (time, bytes) in &flown {
+        let due = begin + ((time + BEFORE) * 1e6) as u64;
+        host.chip.send(due, "sensor", bytes).unwrap();
+        host.listen(due).unwrap();
+    }
+    host.listen(begin + ((BEFORE + AFTER + 0.5) * 1e6) as u64)
+        .unwrap();
+    assert_eq!(host.resets.len(), 1, "restarted: {:?}", host.resets);
+    let found: Vec<_> = host
+        .estimates
+        .iter()
+        .map(|(_, estimate)| *estimate)
+        .collect();
+    let bytes: Vec<u8> = flown.iter().flat_map(|(_, bytes)| bytes.clone()).collect();
+    let input = Input::new(Cursor::new(bytes), Path::new("a line"));
+    let (desk, report) = sensor_line::run(&setup, &input, |_| ()).unwrap();
+    let expected: Vec<_> = desk.estimates().map(|(_, estimate)| *estimate).collect();
+    assert_eq!(report.missing, 0);
+    assert!(expected.len() > 250, "{}", expected.len());
+    assert!(
+        found.len() + 1 >= expected.len(),
+        "{} {}",
+        found.len(),
+        expected.len()
+    );
+    // Until the receiver is heard: the age of its solutions is by the board's clock, which differs from the desk's.
+    let alone = expected
+        .iter()
+        .take_while(|e| f64::from(e.sample_sequence) < BEFORE * 100.0);
+    for (found, expected) in found.iter().zip(alone) {
+        // The time that an update takes is the machine's.
+        let found = bodyflight_core::link::Estimate {
+            cycles: expected.cycles,
+            ..*found
+        };
+        assert_eq!(found, *expected);
+    }
+    let last = found.iter().rev().take(50);
+    let good = last.filter(|estimate| is_consistent(estimate)).count();
+    assert!(good > 25, "{good} of the last 50");
+    host.greet().unwrap();
+    host.listen(host.chip.now() + 1_200_000).unwrap();
+    let status = host.status.unwrap();
+    eprintln!(
+        "late {} dropped {} overrun {} stack free {} longest update {} cycles",
+        status.deadline_missed,
+        status.dropped_oldest,
+        status.sensor_overrun,
+        status.stack_free,
+        status.cycles_max
+    );
+    assert_eq!((status.dropped_oldest, status.sensor_overrun), (0, 0));
+    assert_eq!(status.missing, 0);
+    assert!(status.stack_free > 8192, "{}", status.stack_free);
+}
