@@ -85,7 +85,7 @@ pub use nalgebra;
 pub use axis::AxisCoefficients;
 pub use body::posture::Posture;
 pub use body::{Body, Segment, SegmentArray, SegmentParameters};
-pub use math::Real;
+pub use math::{Lanes, Real};
 
 /// Version of this crate: major, minor, patch.
 pub const VERSION: [u16; 3] = [

@@ -20,7 +20,7 @@ use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::{Header, Motion, Readings, Sample, SensorKind, Sensors, Validity};
 use bodyflight_core::ubx;
 use bodyflight_core::xbus::{Decoder, MessageId, SampleClock};
-use bodyflight_core::{Posture, Real};
+use bodyflight_core::{Lanes, Posture};
 use nalgebra::{UnitQuaternion, Vector3};
 
 pub(crate) use aiding::STANDARD_GRAVITY;
