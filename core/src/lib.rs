@@ -50,7 +50,8 @@
 //! All quantities are in SI units. The inertial frame is X north, Y west, Z up; the body frame is X left, Y back, Z
 //! head ([`frame`]). Names of rotations read from right to left: `inertial_from_body * vector_in_body`. Coefficients
 //! about the body axes are in the order pitch, yaw, roll ([`AxisCoefficients`]). Models are generic over [`Real`]:
-//! `f32` on the unit, `f64` for reference runs.
+//! `f32` on the unit, `f64` for reference runs. Bodies, postures, loads, steps and observations are generic over
+//! [`Lanes`], which also stands for several bodies side by side (feature `lanes`: four in single precision).
 //!
 //! The crate's `examples` folder has four programs: `fall`, `turn`, `estimate` and `decode`.
 #![no_std]
