@@ -65,6 +65,8 @@ pub mod dynamics;
 pub mod effect;
 pub mod estimator;
 pub mod flight_sample;
+#[cfg(feature = "lanes")]
+pub mod four;
 pub mod frame;
 pub mod link;
 pub mod maneuver;

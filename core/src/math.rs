@@ -8,11 +8,6 @@ use nalgebra::{
     Matrix3, RealField, SimdBool, SimdRealField, SimdValue, UnitQuaternion, Vector2, Vector3,
 };
 
-#[cfg(feature = "lanes")]
-mod wide;
-#[cfg(feature = "lanes")]
-pub use wide::Four;
-
 /// A number of the model for one body, or the numbers of several bodies side by side, each in a lane of its own.
 ///
 /// Formulas are written once for any number of lanes: a comparison gives one truth value per lane, and a lane has the
@@ -122,7 +117,7 @@ impl Lanes for f32 {
 
 /// Sine and cosine in single precision.
 #[inline]
-fn single_sine_cosine<T: Lanes>(angle: T) -> (T, T) {
+pub(crate) fn single_sine_cosine<T: Lanes>(angle: T) -> (T, T) {
     // Cody-Waite reduction to +-pi/4 with pi/2 in three parts, then minimax polynomials (Cephes sinf, cosf).
     let number = T::single;
     let quarter_turns = (angle * number(core::f32::consts::FRAC_2_PI)).nearest();
@@ -159,7 +154,7 @@ fn single_sine_cosine<T: Lanes>(angle: T) -> (T, T) {
 
 /// Angle of the point (`x`, `y`) in single precision.
 #[inline]
-fn single_arctangent2<T: Lanes>(y: T, x: T) -> T {
+pub(crate) fn single_arctangent2<T: Lanes>(y: T, x: T) -> T {
     let number = T::single;
     let zero = T::zero();
     let (y_size, x_size) = (y.simd_abs(), x.simd_abs());

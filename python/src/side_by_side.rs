@@ -1,6 +1,6 @@
 //! Many flights of one kind, four at a time side by side; the rest of up to three fly alone, with the same bits.
 
-use bodyflight_core::math::Four;
+use bodyflight_core::four::Four;
 use nalgebra::SimdValue;
 
 /// Flights that are flown at once.

@@ -5,8 +5,8 @@ use bodyflight_core::dynamics::applied_load::factor::FACTORS;
 use bodyflight_core::dynamics::applied_load::{
     AppliedLoad, AppliedLoads, Axis, Direction, Kind, Point,
 };
+use bodyflight_core::four::Four;
 use bodyflight_core::frame::{Rotation, Vector};
-use bodyflight_core::math::Four;
 use bodyflight_io::diagnostic::Problem;
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_viewer::cockpit::{CONTROLS, STARTS};

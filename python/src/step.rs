@@ -1,7 +1,8 @@
 //! One step of many environments: those side by side on all cores, and the rest.
 
 use bodyflight_core::dynamics::PostureSample;
-use bodyflight_core::math::{Four, Lanes};
+use bodyflight_core::four::Four;
+use bodyflight_core::math::Lanes;
 use bodyflight_viewer::cockpit::CONTROLS;
 use nalgebra::SimdBool;
 use rayon::ThreadPool;

@@ -1,7 +1,8 @@
 //! The task of an episode: what is observed, rewarded and wanted, and when it ends.
 
 use bodyflight_core::dynamics::PostureSample;
-use bodyflight_core::math::{Four, Lanes, clamp};
+use bodyflight_core::four::Four;
+use bodyflight_core::math::{Lanes, clamp};
 use bodyflight_viewer::cockpit::CONTROLS;
 use nalgebra::{SimdBool, SimdValue};
 

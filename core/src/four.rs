@@ -2,7 +2,7 @@
 
 use simba::simd::{SimdBool, SimdComplexField, SimdPartialOrd, SimdValue, WideF32x4};
 
-use super::{Lanes, single_arctangent2, single_sine_cosine};
+use crate::math::{Lanes, single_arctangent2, single_sine_cosine};
 
 /// The numbers of four bodies in single precision.
 pub type Four = WideF32x4;
