@@ -1,6 +1,7 @@
 //! Environments for learning: skydivers with a task, flown, observed and rewarded in one pass on all cores.
 
-use bodyflight_core::math::{Four, Lanes};
+use bodyflight_core::four::Four;
+use bodyflight_core::math::Lanes;
 use bodyflight_io::diagnostic::Problem;
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_viewer::cockpit::CONTROLS;
