@@ -176,6 +176,9 @@ impl<T: Lanes> FreeFly<T> {
             let along = wake.apart.dot(direction);
             let inside = wake.depth + along * along;
             let (covers, first_behind) = (inside.simd_gt(zero), along.simd_gt(zero));
+            if covers.none() {
+                continue;
+            }
             let behind = [first_behind, !first_behind];
             for ((segment, behind), loss) in [first, second].into_iter().zip(behind).zip(wake.loss)
             {
