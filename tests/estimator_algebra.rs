@@ -1,8 +1,8 @@
 //! The unscented algebra in isolation: compared with a Kalman filter, tested for consistency and for robustness against
 //! any input.
 
-use bodyflight_core::Real;
 use bodyflight_core::estimator::unscented::{Moments, Root, Settings, SettingsError, Unscented};
+use bodyflight_core::{Lanes, Real};
 use bodyflight_tests::estimator_flights::Noise;
 use nalgebra::{SMatrix, SVector};
 

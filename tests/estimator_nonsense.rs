@@ -19,7 +19,7 @@ use bodyflight_core::estimator::motion::state::{ATTITUDE, MUSCLE, SPIN, STATES, 
 use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::frame::{Body, Inertial, Rotation, Vector, facing_north};
 use bodyflight_core::math::small_rotation;
-use bodyflight_core::{Posture, Real};
+use bodyflight_core::{Lanes, Posture};
 use bodyflight_tests::estimator_flights::Noise;
 use bodyflight_tests::range_watch::RangeWatch;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};

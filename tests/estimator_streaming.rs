@@ -1,6 +1,6 @@
 //! The estimator sample by sample: timing, restart, and the effect of bad input.
 
-use bodyflight_core::Real;
+use bodyflight_core::Lanes;
 use bodyflight_core::body::Body;
 use bodyflight_core::body::posture::Posture;
 use bodyflight_core::dynamics::Dynamics;

@@ -20,12 +20,12 @@ pub mod free_fly;
 pub mod load_model;
 pub mod stream;
 
-use nalgebra::Vector3;
+use nalgebra::{SimdBool, Vector3};
 
 use crate::axis::AxisCoefficients;
 use crate::body::posture::PosedSegment;
 use crate::body::{Body, SEGMENT_COUNT, Segment, SegmentArray};
-use crate::math::Real;
+use crate::math::{Lanes, Real, usually};
 use load_model::{LoadModel, end_drag};
 
 /// Maximum coefficients of a segment (dimensionless), paper eq. (params).
@@ -71,7 +71,7 @@ pub const PAPER_COEFFICIENTS: Coefficients<f64> = Coefficients {
     moment: 3.5,
 };
 
-impl<T: Real> Aerodynamics<T> {
+impl<T: Lanes> Aerodynamics<T> {
     /// Creates the paper's load model with the same coefficients for every segment.
     pub fn uniform(coefficients: Coefficients<T>, arch: ArchFactor<T>) -> Self {
         Self {
@@ -102,7 +102,10 @@ impl<T: Real> Aerodynamics<T> {
     }
 
     /// Converts the parameters to another precision.
-    pub fn cast<U: Real>(&self) -> Aerodynamics<U> {
+    pub fn cast<U: Lanes>(&self) -> Aerodynamics<U>
+    where
+        T: Real,
+    {
         let scalar = |value: T| U::of(value.to_f64());
         Aerodynamics {
             coefficients: self.coefficients.map(|_, c| Coefficients {
@@ -124,7 +127,7 @@ impl<T: Real> Aerodynamics<T> {
 /// (alfabetaI), in an `atan2` form that holds in every direction.
 ///
 /// `alpha = atan2(-V, W)`, `beta = -asin(U / |V|)`; both are 0 for a body at rest.
-pub fn flow_angles<T: Real>(velocity: &Vector3<T>) -> (T, T) {
+pub fn flow_angles<T: Lanes>(velocity: &Vector3<T>) -> (T, T) {
     let transverse = (velocity.y * velocity.y + velocity.z * velocity.z).root();
     (
         (-velocity.y).arctangent2(velocity.z),
@@ -134,24 +137,20 @@ pub fn flow_angles<T: Real>(velocity: &Vector3<T>) -> (T, T) {
 
 /// Velocity through the air in the form that the load formulas use: direction and dynamic pressure.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Flow<T: Real> {
+pub struct Flow<T: Lanes> {
     /// Unit vector of the velocity through the air, body axes; zero at rest.
     pub direction: Vector3<T>,
     /// Dynamic pressure `density speed^2 / 2` (Pa).
     pub dynamic_pressure: T,
 }
 
-impl<T: Real> Flow<T> {
+impl<T: Lanes> Flow<T> {
     /// Computes the flow from the velocity through the air (m/s, body axes) and the density (kg/m3).
     #[inline]
     pub fn new(velocity: &Vector3<T>, density: T) -> Self {
         let square = velocity.norm_squared();
         let scale = T::one() / square.root();
-        let direction = if scale.is_finite() {
-            velocity * scale
-        } else {
-            Vector3::zeros()
-        };
+        let direction = usually(scale.finite(), || velocity * scale, Vector3::zeros);
         Self {
             direction,
             dynamic_pressure: T::of(0.5) * density * square,
@@ -161,7 +160,7 @@ impl<T: Real> Flow<T> {
 
 /// A segment as exposed to the air, in body axes; coefficients and areas are multiplied once per posture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ExposedSegment<T: Real> {
+pub struct ExposedSegment<T: Lanes> {
     /// Silhouette vectors: each segment axis times the area normal to it (m2).
     pub silhouette: [Vector3<T>; 3],
     /// Dorsal axis y of the segment.
@@ -179,7 +178,7 @@ pub struct ExposedSegment<T: Real> {
 
 /// Force and moment on one segment, divided by the dynamic pressure.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SegmentLoad<T: Real> {
+pub struct SegmentLoad<T: Lanes> {
     /// Exposed area (m2).
     pub exposed_area: T,
     /// Force per dynamic pressure (m2), body axes.
@@ -188,7 +187,7 @@ pub struct SegmentLoad<T: Real> {
     pub moment: Vector3<T>,
 }
 
-impl<T: Real> ExposedSegment<T> {
+impl<T: Lanes> ExposedSegment<T> {
     /// A segment without any exposed area.
     pub(crate) fn hidden() -> Self {
         let zero = Vector3::zeros();
@@ -205,9 +204,8 @@ impl<T: Real> ExposedSegment<T> {
     /// Total area exposed to the airstream (m2), paper eq. (area) with the components of `v`.
     #[inline]
     pub fn exposed_area(&self, direction: &Vector3<T>) -> T {
-        let [x, y, z] = self.silhouette.map(|axis| axis.dot(direction).abs());
-        let xy = if x > y { x } else { y };
-        if xy > z { xy } else { z }
+        let [x, y, z] = self.silhouette.map(|axis| axis.dot(direction).simd_abs());
+        x.greater(y).greater(z)
     }
 
     /// Returns the silhouette vector that faces the airstream; its product with the direction is the exposed area.
@@ -215,14 +213,13 @@ impl<T: Real> ExposedSegment<T> {
     pub fn facing(&self, direction: &Vector3<T>) -> Vector3<T> {
         let [x, y, z] = self.silhouette.map(|axis| {
             let area = axis.dot(direction);
-            if area < T::zero() {
-                (-axis, -area)
-            } else {
-                (axis, area)
-            }
+            let faces = area.simd_lt(T::zero()).if_else(|| -axis, || axis);
+            (faces, area.simd_abs())
         });
-        let xy = if x.1 > y.1 { x } else { y };
-        if xy.1 > z.1 { xy.0 } else { z.0 }
+        let larger = |a: (Vector3<T>, T), b: (Vector3<T>, T)| {
+            (a.1.simd_gt(b.1).if_else(|| a.0, || b.0), a.1.greater(b.1))
+        };
+        larger(larger(x, y), z).0
     }
 
     /// Force and moment for a direction of the airstream, paper eqs. (limbf), (limbm) with the coefficients (coeffCl),
@@ -258,7 +255,7 @@ impl<T: Real> ExposedSegment<T> {
 
 /// Force and moment on the whole body, without damping and muscle input.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Loads<T: Real> {
+pub struct Loads<T: Lanes> {
     /// Sum of exposed areas (m2).
     pub exposed_area: T,
     /// Force (N), body axes.
@@ -269,7 +266,7 @@ pub struct Loads<T: Real> {
 
 /// Computes how all segments are exposed to the air. With [`LoadModel::FreeFly`] the direction of the airstream scales
 /// the loads further, see [`free_fly::Felt`].
-pub fn expose<T: Real>(
+pub fn expose<T: Lanes>(
     body: &Body<T>,
     posed: &SegmentArray<PosedSegment<T>>,
     aerodynamics: &Aerodynamics<T>,
@@ -280,7 +277,7 @@ pub fn expose<T: Real>(
 }
 
 /// In-place form of [`expose`].
-pub(crate) fn expose_into<T: Real>(
+pub(crate) fn expose_into<T: Lanes>(
     body: &Body<T>,
     posed: &SegmentArray<PosedSegment<T>>,
     aerodynamics: &Aerodynamics<T>,
@@ -322,7 +319,10 @@ pub(crate) fn expose_into<T: Real>(
 }
 
 /// Sums the loads of all segments, paper eqs. (sum_f), (sum_m).
-pub fn total_load<T: Real>(segments: &SegmentArray<ExposedSegment<T>>, flow: &Flow<T>) -> Loads<T> {
+pub fn total_load<T: Lanes>(
+    segments: &SegmentArray<ExposedSegment<T>>,
+    flow: &Flow<T>,
+) -> Loads<T> {
     let zero = Vector3::zeros();
     let mut sum = Loads {
         exposed_area: T::zero(),
@@ -345,7 +345,7 @@ pub fn total_load<T: Real>(segments: &SegmentArray<ExposedSegment<T>>, flow: &Fl
 ///
 /// `damping` is Cm_damp; `height` is the stature (m).
 #[inline]
-pub fn damping_rate<T: Real>(
+pub fn damping_rate<T: Lanes>(
     damping: &AxisCoefficients<T>,
     exposed_area: T,
     height: T,

@@ -1,7 +1,7 @@
 //! The air: its density and its velocity.
 
 use crate::frame::{Inertial, Vector};
-use crate::math::{Real, clamp};
+use crate::math::{Lanes, Real, clamp};
 
 /// Gravitational acceleration used throughout (m/s2), as in the reference numbers.
 pub const GRAVITY: f64 = 9.81;
@@ -30,7 +30,7 @@ pub enum Density<T> {
     },
 }
 
-impl<T: Real> Density<T> {
+impl<T: Lanes> Density<T> {
     /// Density at `height` above the inertial origin (kg/m3).
     pub fn at(&self, height: T) -> T {
         match *self {
@@ -54,7 +54,7 @@ impl<T: Real> Density<T> {
 /// Density of the U.S. Standard Atmosphere 1976, troposphere (kg/m3), at a geometric altitude above sea level (m).
 ///
 /// Altitudes outside -500 to 11000 m are clamped to that range.
-pub fn standard_density<T: Real>(altitude: T) -> T {
+pub fn standard_density<T: Lanes>(altitude: T) -> T {
     let altitude = clamp(altitude, T::of(-500.0), T::of(11_000.0));
     let earth_radius = T::of(6_356_766.0);
     let geopotential = altitude * earth_radius / (earth_radius + altitude);
@@ -63,14 +63,14 @@ pub fn standard_density<T: Real>(altitude: T) -> T {
 }
 
 /// Height of the U.S. Standard Atmosphere 1976 (m, geopotential, above sea level) at a pressure (Pa), troposphere.
-pub fn pressure_height<T: Real>(pressure: T) -> T {
+pub fn pressure_height<T: Lanes>(pressure: T) -> T {
     let ratio = pressure / T::of(101_325.0);
     T::of(44_330.77) * (T::one() - ratio.power(T::of(0.190_263)))
 }
 
 /// Density of dry air (kg/m3) at a height above ground (m), from pressure (Pa) and temperature (K) at ground level.
 /// The temperature falls by 6.5 K per kilometre, as in the troposphere of the U.S. Standard Atmosphere 1976.
-pub fn density_above_ground<T: Real>(pressure: T, temperature: T, height: T) -> T {
+pub fn density_above_ground<T: Lanes>(pressure: T, temperature: T, height: T) -> T {
     const GAS_CONSTANT: f64 = 287.053;
     let cooled = clamp(
         T::one() - height * T::of(0.0065) / temperature,
@@ -86,13 +86,13 @@ pub const REFERENCE_HEIGHT: f64 = 2000.0;
 
 /// Fall rate at which the same body has the same drag in air of another density (m/s): scaled by the square root of the
 /// ratio of the densities (kg/m3).
-pub fn normalised_fall_rate<T: Real>(fall_rate: T, density: T, reference: T) -> T {
+pub fn normalised_fall_rate<T: Lanes>(fall_rate: T, density: T, reference: T) -> T {
     fall_rate * (density / reference).root()
 }
 
 /// Density and velocity of the air around the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Air<T: Real> {
+pub struct Air<T: Lanes> {
     /// Density of the air.
     pub density: Density<T>,
     /// Velocity of the air (m/s): wind, or the upward flow of a wind tunnel.
@@ -106,14 +106,14 @@ pub struct Air<T: Real> {
 
 /// Wind that changes linearly with height.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shear<T: Real> {
+pub struct Shear<T: Lanes> {
     /// Change of the wind per metre of height (1/s).
     pub per_metre: Vector<T, Inertial>,
     /// Height at which the shear adds no wind (m, inertial).
     pub height: T,
 }
 
-impl<T: Real> Air<T> {
+impl<T: Lanes> Air<T> {
     /// Still air of constant density (kg/m3).
     pub fn still(density: T) -> Self {
         Self {
@@ -147,7 +147,10 @@ impl<T: Real> Air<T> {
     }
 
     /// Converts the air to another precision.
-    pub fn cast<U: Real>(&self) -> Air<U> {
+    pub fn cast<U: Lanes>(&self) -> Air<U>
+    where
+        T: Real,
+    {
         let scalar = |value: T| U::of(value.to_f64());
         Air {
             density: match self.density {

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::math::Real;
+use crate::math::{Lanes, Real};
 
 /// One coefficient for each axis of the body, in the order X, Y, Z.
 ///
@@ -52,7 +52,7 @@ impl<T> AxisCoefficients<T> {
     }
 }
 
-impl<T: Real> AxisCoefficients<T> {
+impl<T: Lanes> AxisCoefficients<T> {
     /// Returns zero about every axis: relaxed, or undamped.
     pub fn zero() -> Self {
         Self::repeat(T::zero())
@@ -74,7 +74,10 @@ impl<T: Real> AxisCoefficients<T> {
     }
 
     /// Converts the coefficients to another precision.
-    pub fn cast<U: Real>(self) -> AxisCoefficients<U> {
+    pub fn cast<U: Lanes>(self) -> AxisCoefficients<U>
+    where
+        T: Real,
+    {
         self.map(|value| U::of(value.to_f64()))
     }
 }

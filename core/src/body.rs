@@ -16,7 +16,7 @@ use core::ops::{Index, IndexMut};
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::math::Real;
+use crate::math::{Lanes, Real};
 
 /// Number of segments of a body.
 pub const SEGMENT_COUNT: usize = 16;
@@ -192,7 +192,7 @@ impl<V> IndexMut<Segment> for SegmentArray<V> {
 /// H-pose).
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
-pub struct SegmentParameters<T: Real> {
+pub struct SegmentParameters<T: Lanes> {
     /// Mass (kg).
     pub mass: T,
     /// Length along Z (m).
@@ -213,14 +213,14 @@ pub struct SegmentParameters<T: Real> {
 /// A person with all equipment: the segment table and the stature.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
-pub struct Body<T: Real> {
+pub struct Body<T: Lanes> {
     /// Parameters of the segments.
     pub segments: SegmentArray<SegmentParameters<T>>,
     /// Stature H (m), which scales the damping moment and the lever arms of muscle input.
     pub height: T,
 }
 
-impl<T: Real> Body<T> {
+impl<T: Lanes> Body<T> {
     /// Total mass of body and equipment (kg).
     pub fn mass(&self) -> T {
         self.segments
@@ -237,7 +237,10 @@ impl<T: Real> Body<T> {
     }
 
     /// Converts the body to another precision.
-    pub fn cast<U: Real>(&self) -> Body<U> {
+    pub fn cast<U: Lanes>(&self) -> Body<U>
+    where
+        T: Real,
+    {
         let scalar = |value: T| U::of(value.to_f64());
         Body {
             segments: self.segments.map(|_, segment| SegmentParameters {

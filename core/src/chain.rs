@@ -29,7 +29,7 @@ use nalgebra::Vector3;
 
 use crate::body::Segment;
 use crate::link::checksum;
-use crate::math::Real;
+use crate::math::Lanes;
 use crate::suit::strapdown::Reading;
 
 /// Rate of the line (baud).

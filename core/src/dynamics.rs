@@ -30,13 +30,13 @@ use crate::body::mass_properties::{MassMotion, MassProperties, PostureRate};
 use crate::body::posture::{Posture, pose};
 use crate::body::{Body, SegmentArray};
 use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
-use crate::math::{Real, inverse_symmetric};
+use crate::math::{Lanes, Real, inverse_symmetric_or};
 use muscle_input::MuscleModel;
 use residual::ResidualLoad;
 
 /// Everything that stays the same during a flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Dynamics<T: Real> {
+pub struct Dynamics<T: Lanes> {
     /// The person with all equipment.
     pub body: Body<T>,
     /// Aerodynamic coefficients.
@@ -51,7 +51,7 @@ pub struct Dynamics<T: Real> {
     pub gravity: T,
 }
 
-impl<T: Real> Dynamics<T> {
+impl<T: Lanes> Dynamics<T> {
     /// Creates a model with the paper's coefficients in still air of constant density (kg/m3).
     pub fn paper(body: Body<T>, density: T) -> Self {
         Self {
@@ -65,7 +65,10 @@ impl<T: Real> Dynamics<T> {
     }
 
     /// Converts the parameters to another precision.
-    pub fn cast<U: Real>(&self) -> Dynamics<U> {
+    pub fn cast<U: Lanes>(&self) -> Dynamics<U>
+    where
+        T: Real,
+    {
         Dynamics {
             body: self.body.cast(),
             aerodynamics: self.aerodynamics.cast(),
@@ -165,13 +168,11 @@ impl<T: Real> Dynamics<T> {
             return self.late_sample_into(posture, rate, sample);
         }
         let posed = pose(&self.body, posture);
-        sample.mass = MassProperties::of(&self.body, &posed);
-        sample.motion = MassMotion::of(&self.body, &posed, rate);
+        (sample.mass, sample.motion) = MassMotion::with_properties(&self.body, &posed, rate);
         sample.inertia = sample.mass.inertia_about_cg();
         // The inertia of a body with positive masses is never singular; the identity keeps the step finite for invalid
         // input.
-        sample.inverse_inertia =
-            inverse_symmetric(&sample.inertia).unwrap_or_else(Matrix3::identity);
+        sample.inverse_inertia = inverse_symmetric_or(&sample.inertia, Matrix3::identity);
         sample.relative_angular_momentum = sample
             .motion
             .relative_angular_momentum_about_cg(&sample.mass);
@@ -182,7 +183,7 @@ impl<T: Real> Dynamics<T> {
 
 /// Everything that depends on the posture alone, in body axes; shared by all runs over the same interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PostureSample<T: Real> {
+pub struct PostureSample<T: Lanes> {
     /// Mass, centre of gravity and inertia about the origin.
     pub mass: MassProperties<T>,
     /// Rates of the mass properties.
@@ -197,7 +198,7 @@ pub struct PostureSample<T: Real> {
     pub aerodynamics: CompiledAerodynamics<T>,
 }
 
-impl<T: Real> PostureSample<T> {
+impl<T: Lanes> PostureSample<T> {
     /// Creates an empty sample, to be filled by [`Dynamics::sample_into`].
     pub fn blank() -> Self {
         Self {
@@ -218,7 +219,7 @@ impl<T: Real> PostureSample<T> {
 /// The skydiver's conscious inputs, paper eq. (ukf_state).
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
-pub struct Inputs<T: Real> {
+pub struct Inputs<T: Lanes> {
     /// Muscle input coefficients (dimensionless).
     pub muscle: AxisCoefficients<T>,
     /// Damping moment coefficients Cm_damp (dimensionless).
@@ -227,7 +228,7 @@ pub struct Inputs<T: Real> {
     pub residual: ResidualLoad<T>,
 }
 
-impl<T: Real> Default for Inputs<T> {
+impl<T: Lanes> Default for Inputs<T> {
     /// No muscle input, no damping, no residual load.
     fn default() -> Self {
         Self {
@@ -238,7 +239,7 @@ impl<T: Real> Default for Inputs<T> {
     }
 }
 
-impl<T: Real> Inputs<T> {
+impl<T: Lanes> Inputs<T> {
     /// No muscle input, with the paper's damping of belly turns, eq. (params).
     pub fn belly_turn() -> Self {
         Self {
@@ -249,7 +250,10 @@ impl<T: Real> Inputs<T> {
     }
 
     /// Converts the inputs to another precision.
-    pub fn cast<U: Real>(&self) -> Inputs<U> {
+    pub fn cast<U: Lanes>(&self) -> Inputs<U>
+    where
+        T: Real,
+    {
         Inputs {
             muscle: self.muscle.cast(),
             damping: self.damping.cast(),
@@ -261,8 +265,12 @@ impl<T: Real> Inputs<T> {
 /// State in momentum form (model.md, notes on the exact equations). It needs no posture acceleration, and conserves
 /// momentum exactly where no force acts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
-pub struct State<T: Real> {
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Deserialize, serde::Serialize),
+    serde(bound(deserialize = "T: Real + serde::Deserialize<'de>"))
+)]
+pub struct State<T: Lanes> {
     /// Attitude of the body frame.
     pub inertial_from_body: Rotation<T, Inertial, BodyFrame>,
     /// Position of the centre of gravity (m).
@@ -275,8 +283,12 @@ pub struct State<T: Real> {
 
 /// Motion of the body frame, as sensors measure it and as the paper describes it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
-pub struct Motion<T: Real> {
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Deserialize, serde::Serialize),
+    serde(bound(deserialize = "T: Real + serde::Deserialize<'de>"))
+)]
+pub struct Motion<T: Lanes> {
     /// Attitude of the body frame.
     pub inertial_from_body: Rotation<T, Inertial, BodyFrame>,
     /// Position of the pelvic joint (m).
@@ -287,14 +299,17 @@ pub struct Motion<T: Real> {
     pub angular_velocity: Vector<T, BodyFrame>,
 }
 
-impl<T: Real> Motion<T> {
+impl<T: Lanes> Motion<T> {
     /// Velocity of the pelvic joint over the ground (m/s).
     pub fn velocity_inertial(&self) -> Vector<T, Inertial> {
         self.inertial_from_body * self.velocity
     }
 
     /// Converts the motion to another precision.
-    pub fn cast<U: Real>(&self) -> Motion<U> {
+    pub fn cast<U: Lanes>(&self) -> Motion<U>
+    where
+        T: Real,
+    {
         Motion {
             inertial_from_body: self.inertial_from_body.cast(),
             position: self.position.cast(),
@@ -304,7 +319,7 @@ impl<T: Real> Motion<T> {
     }
 }
 
-impl<T: Real> State<T> {
+impl<T: Lanes> State<T> {
     /// Returns a state at rest at the origin, with the body axes along the inertial axes.
     pub fn at_rest() -> Self {
         Self {
@@ -316,7 +331,10 @@ impl<T: Real> State<T> {
     }
 
     /// Returns whether every number is finite.
-    pub fn is_finite(&self) -> bool {
+    pub fn is_finite(&self) -> bool
+    where
+        T: Real,
+    {
         self.inertial_from_body
             .quaternion()
             .coords
@@ -328,7 +346,10 @@ impl<T: Real> State<T> {
     }
 
     /// Converts the state to another precision.
-    pub fn cast<U: Real>(&self) -> State<U> {
+    pub fn cast<U: Lanes>(&self) -> State<U>
+    where
+        T: Real,
+    {
         State {
             inertial_from_body: self.inertial_from_body.cast(),
             cg_position: self.cg_position.cast(),

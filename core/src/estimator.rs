@@ -40,7 +40,7 @@ use nalgebra::SVector;
 use crate::body::posture::Posture;
 use crate::dynamics::{Dynamics, Motion, PostureSample, State};
 use crate::frame::Vector;
-use crate::math::Real;
+use crate::math::{Lanes, Real};
 use check::Check;
 pub use coefficients::{STATES, StateVector, input_coefficients, inputs_of};
 use coefficients::{in_other_order, inputs_of_filter};
@@ -365,7 +365,7 @@ impl<T: Real, P: Propagation<T>, const INTERVALS: usize> Estimator<T, P, INTERVA
             sample,
             inputs: inputs_of(&state),
             state,
-            deviation: in_other_order(&self.filter.covariance().diagonal()).map(Real::root),
+            deviation: in_other_order(&self.filter.covariance().diagonal()).map(Lanes::root),
             solved_sample: sample.wrapping_add(count(self.solution_intervals * P::STRIDE)),
             motion,
             reconstructed: Measurement::of(&motion),

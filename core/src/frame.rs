@@ -18,9 +18,9 @@ mod axes;
 mod rotation;
 mod vector;
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, SimdBool, UnitQuaternion, Vector3};
 
-use crate::math::{self, Real};
+use crate::math::{self, Lanes, Real};
 pub use axes::{Body, Inertial, SegmentFrame, XsensSegment};
 pub use rotation::{Rotation, RotationMatrix};
 pub use vector::Vector;
@@ -41,7 +41,7 @@ pub struct AttitudeAngles<T> {
     pub roll: T,
 }
 
-impl<T: Real> AttitudeAngles<T> {
+impl<T: Lanes> AttitudeAngles<T> {
     /// Computes the angles of an attitude, paper eqs. (xyz) and (ypr).
     pub fn of(inertial_from_body: &Rotation<T, Inertial, Body>) -> Self {
         let matrix = inertial_from_body.quaternion().to_rotation_matrix();
@@ -54,11 +54,9 @@ impl<T: Real> AttitudeAngles<T> {
         let (head_x, head_y, head_up) = level(2);
         let horizontal = |x: T, y: T| (x * x + y * y).root();
         let tilt = left_up.arctangent2(horizontal(left_x, left_y));
-        let roll = if back_up < T::zero() {
-            T::pi() - tilt
-        } else {
-            tilt
-        };
+        let roll = back_up
+            .simd_lt(T::zero())
+            .if_else(|| T::simd_pi() - tilt, || tilt);
         Self {
             heading: head_y.arctangent2(head_x),
             pitch: head_up.arctangent2(horizontal(head_x, head_y)),

@@ -50,7 +50,8 @@
 //! All quantities are in SI units. The inertial frame is X north, Y west, Z up; the body frame is X left, Y back, Z
 //! head ([`frame`]). Names of rotations read from right to left: `inertial_from_body * vector_in_body`. Coefficients
 //! about the body axes are in the order pitch, yaw, roll ([`AxisCoefficients`]). Models are generic over [`Real`]:
-//! `f32` on the unit, `f64` for reference runs.
+//! `f32` on the unit, `f64` for reference runs. Bodies, postures, loads, steps and observations are generic over
+//! [`Lanes`], which also stands for several bodies side by side (feature `lanes`: four in single precision).
 //!
 //! The crate's `examples` folder has four programs: `fall`, `turn`, `estimate` and `decode`.
 #![no_std]
@@ -65,6 +66,8 @@ pub mod dynamics;
 pub mod effect;
 pub mod estimator;
 pub mod flight_sample;
+#[cfg(feature = "lanes")]
+pub mod four;
 pub mod frame;
 pub mod link;
 pub mod maneuver;
@@ -86,7 +89,7 @@ pub use nalgebra;
 pub use axis::AxisCoefficients;
 pub use body::posture::Posture;
 pub use body::{Body, Segment, SegmentArray, SegmentParameters};
-pub use math::Real;
+pub use math::{Lanes, Real};
 
 /// Version of this crate: major, minor, patch.
 pub const VERSION: [u16; 3] = [

@@ -2,12 +2,12 @@
 
 use crate::dynamics::Motion;
 use crate::frame::{AttitudeAngles, Body, Inertial, Vector};
-use crate::math::Real;
+use crate::math::Lanes;
 
 /// The observable channels at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
-pub struct Observation<T: Real> {
+pub struct Observation<T: Lanes> {
     /// Heading, pitch and roll (rad), paper eq. (ypr).
     pub angles: AttitudeAngles<T>,
     /// Rate of rotation about the vertical, positive counter-clockwise seen from above (rad/s); equals the rate of the
@@ -21,7 +21,7 @@ pub struct Observation<T: Real> {
     pub vertical_velocity: T,
 }
 
-impl<T: Real> Observation<T> {
+impl<T: Lanes> Observation<T> {
     /// Computes the channels of a motion.
     pub fn of(motion: &Motion<T>) -> Self {
         let spin = motion.inertial_from_body * motion.angular_velocity;
@@ -37,7 +37,7 @@ impl<T: Real> Observation<T> {
 }
 
 /// Magnitude of the horizontal part of a velocity (m/s), paper eq. (vel).
-pub fn horizontal_speed<T: Real>(velocity: &Vector<T, Inertial>) -> T {
+pub fn horizontal_speed<T: Lanes>(velocity: &Vector<T, Inertial>) -> T {
     let (north, west) = (velocity.north(), velocity.west());
     (north * north + west * west).root()
 }

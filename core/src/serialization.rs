@@ -11,22 +11,22 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use crate::Posture;
 use crate::body::{Segment, SegmentArray};
 use crate::frame::{Rotation, Vector};
-use crate::math::Real;
+use crate::math::{Lanes, Real};
 
-impl<T: Real + Serialize, F> Serialize for Vector<T, F> {
+impl<T: Lanes + Serialize, F> Serialize for Vector<T, F> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         <[T; 3]>::from(self.components).serialize(serializer)
     }
 }
 
-impl<'de, T: Real + Deserialize<'de>, F> Deserialize<'de> for Vector<T, F> {
+impl<'de, T: Lanes + Deserialize<'de>, F> Deserialize<'de> for Vector<T, F> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let components = <[T; 3]>::deserialize(deserializer)?;
         Ok(Self::from_components(Vector3::from(components)))
     }
 }
 
-impl<T: Real + Serialize, To, From> Serialize for Rotation<T, To, From> {
+impl<T: Lanes + Serialize, To, From> Serialize for Rotation<T, To, From> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         self.wxyz().serialize(serializer)
     }
@@ -49,7 +49,7 @@ impl<'de, T: Real + Deserialize<'de>, To, From> Deserialize<'de> for Rotation<T,
 /// A rotation between frames that have no type of their own.
 type Joint<T> = Rotation<T, (), ()>;
 
-impl<T: Real + Serialize> Serialize for Posture<T> {
+impl<T: Lanes + Serialize> Serialize for Posture<T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         SegmentArray::from_fn(|segment| Joint::from_quaternion(*self.parent_from_segment(segment)))
             .serialize(serializer)

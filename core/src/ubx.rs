@@ -18,7 +18,7 @@
 
 use nalgebra::Vector3;
 
-use crate::math::Real;
+use crate::math::Lanes;
 
 /// Bytes at the start of a frame.
 const SYNC: [u8; 2] = [0xb5, 0x62];

@@ -17,7 +17,7 @@ use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_core::link::{
     self, Configure, EstimateFlags, Sample, SegmentErrors, SegmentTable, Sensors, Validity, Verdict,
 };
-use bodyflight_core::{Body, Posture, Real};
+use bodyflight_core::{Body, Lanes, Posture};
 
 use filter::Filter;
 use tempo::Tempo;

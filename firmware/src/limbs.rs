@@ -14,7 +14,7 @@ use bodyflight_core::link::{
 };
 use bodyflight_core::suit::set::{Fitted, Suit};
 use bodyflight_core::suit::strapdown::{LONGEST_INTERVAL, Reading};
-use bodyflight_core::{Body, Posture, Real, Segment};
+use bodyflight_core::{Body, Lanes, Posture, Segment};
 use nalgebra::Vector3;
 
 use poses::{Poses, Seen};

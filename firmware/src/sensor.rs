@@ -25,7 +25,7 @@ use bodyflight_core::link::{
 };
 use bodyflight_core::ubx;
 use bodyflight_core::xbus::{Decoder, MessageId, SampleClock};
-use bodyflight_core::{Body, Posture, Real};
+use bodyflight_core::{Body, Lanes, Posture};
 use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::limbs::{Limbs, PelvisReading};

@@ -1,25 +1,25 @@
 //! Environments for learning: skydivers with a task, flown, observed and rewarded in one pass on all cores.
 
-use bodyflight_core::dynamics::PostureSample;
-use bodyflight_core::math::Real;
+use bodyflight_core::four::Four;
+use bodyflight_core::math::Lanes;
 use bodyflight_io::diagnostic::Problem;
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_viewer::cockpit::CONTROLS;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use rayon::prelude::*;
 
 use crate::arguments::{array, finite};
+use crate::observed::{OBSERVED, observation};
 use crate::options::Options;
 use crate::picture::Scene;
 use crate::problem::raise;
+use crate::side_by_side::Flights;
 use crate::skydiver::{Course, NUMBERS, Skydiver};
-use crate::skydivers::{OBSERVED, RUN, observation, of_states, state_names};
+use crate::skydivers::{of_states, state_names};
+use crate::step::{Given, Rows, fly};
 use crate::subject::Subject;
-use crate::task::{
-    EPISODE, Environment, GOAL, LIMIT, STATE, SUIT, TERMS, Task, WIDTH, is_tumbling,
-};
+use crate::task::{EPISODE, Environment, GOAL, LIMIT, MOST_STEPS, STATE, SUIT, TERMS, Task, WIDTH};
 use crate::threads::threads;
 
 /// Most pixels of a picture each way.
@@ -28,9 +28,10 @@ const LARGEST: usize = 4096;
 /// n environments with one body and one task. `bodyflight.gym` draws the goals and follows Gymnasium's rules.
 #[pyclass(module = "bodyflight._native")]
 pub(crate) struct Environments {
-    course: Course,
+    course: Course<f32>,
+    course_of_four: Course<Four>,
     task: Task,
-    all: Vec<Environment>,
+    all: Flights<Environment<Four>>,
     seconds: f64,
     options: Options,
 }
@@ -43,18 +44,6 @@ type Step<'py> = (
     Bound<'py, PyArray1<bool>>,
     Bound<'py, PyArray2<f32>>,
     Bound<'py, PyArray1<bool>>,
-);
-
-/// An environment, with its action and whether it rests.
-type Moved<'a> = (&'a mut Environment, (&'a [f32; CONTROLS.len()], &'a bool));
-
-/// Where an environment's observation, reward, terms and success, and ends are written.
-type Found<'a> = (
-    (
-        (&'a mut [f32; WIDTH], &'a mut f32),
-        (&'a mut [f32; TERMS.len()], &'a mut bool),
-    ),
-    (&'a mut bool, &'a mut bool),
 );
 
 #[pymethods]
@@ -91,14 +80,15 @@ impl Environments {
             clippy::cast_sign_loss,
             reason = "the conversion saturates, and an episode has at least one step"
         )]
-        let limit = (seconds / course.duration()).round().max(1.0) as u32;
+        let limit = (seconds / course.duration()).round().clamp(1.0, MOST_STEPS) as u32;
         let begun = Environment {
             skydiver: course.begun(),
             heading: (0.0, 1.0),
             target: [0.0; 2],
-            steps: 0,
+            steps: 0.0,
         };
         Ok(Self {
+            course_of_four: course.for_four(),
             course,
             task: Task {
                 up,
@@ -106,7 +96,7 @@ impl Environments {
                 docks,
                 limit,
             },
-            all: vec![begun; count],
+            all: Flights::new(count, &begun),
             seconds,
             options,
         })
@@ -166,16 +156,17 @@ impl Environments {
         let goals = goals.zip(targets.as_slice()?.as_chunks::<2>().0);
         let begun = self.course.begun();
         let [north, west, _] = begun.motion.position.to_array();
-        for ((environment, again), (heading, [to_north, to_west])) in
-            self.all.iter_mut().zip(which.as_slice()?).zip(goals)
+        for (index, (again, (heading, [to_north, to_west]))) in
+            which.as_slice()?.iter().zip(goals).enumerate()
         {
             if *again {
-                *environment = Environment {
+                let environment = Environment {
                     skydiver: begun,
                     heading: heading.sine_cosine(),
                     target: [north + to_north, west + to_west],
-                    steps: 0,
+                    steps: 0.0,
                 };
+                self.all.put(index, &environment);
             }
         }
         Ok(())
@@ -217,47 +208,22 @@ impl Environments {
             let mut terms = terms.readwrite();
             let [mut terminated, mut truncated, mut success] =
                 flags.each_ref().map(|array| array.readwrite());
-            let (seen, rewards) = (seen.as_slice_mut()?, rewards.as_slice_mut()?);
-            let terms = terms.as_slice_mut()?.as_chunks_mut().0;
-            let (terminated, truncated) = (terminated.as_slice_mut()?, truncated.as_slice_mut()?);
-            let success = success.as_slice_mut()?;
-            let given = (actions.as_slice()?.as_chunks().0, resting.as_slice()?);
-            let (course, task, all) = (&self.course, &self.task, &mut self.all);
-            let fly = |sample: &mut PostureSample<f32>, moved: Moved<'_>, found: Found<'_>| {
-                let (environment, (action, resting)) = moved;
-                let (((seen, reward), (terms, success)), ends) = found;
-                if *resting {
-                    let row = observation(&environment.skydiver.motion);
-                    *seen = environment.observe(&row);
-                    return;
-                }
-                course.fly(&mut environment.skydiver, action, sample);
-                environment.steps += 1;
-                let row = observation(&environment.skydiver.motion);
-                *seen = environment.observe(&row);
-                let fallen = is_tumbling(&row);
-                *terms = environment.terms(task, &row, action, fallen);
-                *reward = terms.iter().sum();
-                *success = !fallen && environment.succeeds(task, &row);
-                (*ends.0, *ends.1) = (fallen, environment.steps >= task.limit);
+            let given = Given {
+                actions: actions.as_slice()?.as_chunks().0,
+                resting: resting.as_slice()?,
+            };
+            let rows = Rows {
+                seen: seen.as_slice_mut()?.as_chunks_mut().0,
+                rewards: rewards.as_slice_mut()?,
+                terms: terms.as_slice_mut()?.as_chunks_mut().0,
+                success: success.as_slice_mut()?,
+                terminated: terminated.as_slice_mut()?,
+                truncated: truncated.as_slice_mut()?,
             };
             let pool = threads(py)?;
-            py.detach(|| {
-                pool.install(|| {
-                    let given = given.0.par_iter().zip(given.1.par_iter());
-                    let seen = seen.as_chunks_mut().0.par_iter_mut();
-                    let judged = terms.par_iter_mut().zip(success.par_iter_mut());
-                    let ends = terminated.par_iter_mut().zip(truncated.par_iter_mut());
-                    let found = seen.zip(rewards.par_iter_mut()).zip(judged).zip(ends);
-                    all.par_iter_mut()
-                        .zip(given)
-                        .zip(found)
-                        .with_min_len(RUN)
-                        .for_each_init(PostureSample::blank, |sample, (moved, found)| {
-                            fly(sample, moved, found);
-                        });
-                });
-            });
+            let courses = (&self.course, &self.course_of_four);
+            let (all, task) = (&mut self.all, &self.task);
+            py.detach(|| fly(all, courses, task, given, rows, pool));
         }
         let [terminated, truncated, success] = flags;
         Ok((seen, rewards, terminated, truncated, terms, success))
@@ -298,7 +264,11 @@ impl Environments {
     /// Returns everything that the environments consist of, n by 35 in the order of `state_names`. `set_state` continues them
     /// to the bit.
     fn get_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let numbers: Vec<_> = self.all.iter().map(Environment::numbers).collect();
+        let numbers: Vec<_> = self
+            .all
+            .iter()
+            .map(|environment| environment.numbers())
+            .collect();
         let count = numbers.len();
         let flat = PyArray1::from_vec(py, numbers.into_flattened());
         flat.reshape([count, STATE])
@@ -312,20 +282,15 @@ impl Environments {
             &self.course,
             rows.iter().filter_map(|row| row.first_chunk::<NUMBERS>()),
         )?;
-        for ((environment, skydiver), row) in self.all.iter_mut().zip(flights).zip(rows) {
+        for (index, (skydiver, row)) in flights.into_iter().zip(rows).enumerate() {
             let [.., sine, cosine, north, west, steps] = *row;
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "the conversion saturates, and episodes have hundreds of steps"
-            )]
-            let steps = steps as u32;
-            *environment = Environment {
+            let environment = Environment {
                 skydiver,
                 heading: (sine, cosine),
                 target: [north, west],
-                steps,
+                steps: steps.max(0.0).trunc(),
             };
+            self.all.put(index, &environment);
         }
         Ok(())
     }

@@ -24,7 +24,7 @@ impl Options {
     ///
     /// # Errors
     /// Returns an error if the start is unknown, or a value is outside its range.
-    pub(crate) fn course(&self) -> PyResult<Course> {
+    pub(crate) fn course(&self) -> PyResult<Course<f32>> {
         let names = STARTS.map(|start| start.name);
         let found = STARTS.iter().find(|known| known.name == self.start);
         let start = found.ok_or_else(|| unknown("start", &self.start, &names))?;

@@ -6,16 +6,19 @@
 
 use bodyflight_core::Posture;
 use bodyflight_core::body::mass_properties::PostureRate;
-use bodyflight_core::body::pattern;
 use bodyflight_core::body::posture::joint_rotation;
+use bodyflight_core::body::{Segment, pattern};
 use bodyflight_core::dynamics::applied_load::AppliedLoads;
 use bodyflight_core::dynamics::step::TIME_STEP;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
+use bodyflight_core::four::Four;
 use bodyflight_core::frame::{Rotation, Vector, facing_north};
-use bodyflight_core::math::Real;
+use bodyflight_core::math::{Lanes, clamp, usually};
 use bodyflight_viewer::cockpit::{CONTROLS, Control, Start};
 use bodyflight_viewer::setup::Setup;
-use nalgebra::{Quaternion, UnitQuaternion};
+use nalgebra::{Quaternion, SimdBool, SimdValue, UnitQuaternion};
+
+use crate::side_by_side::{SIDE_BY_SIDE, Together};
 
 /// Most that the amount of a control, -1 to 1, changes in a second. The viewer's page has the same limit.
 const SPEED: f32 = 3.0;
@@ -23,26 +26,27 @@ const SPEED: f32 = 3.0;
 const START_HEIGHT: f32 = 4000.0;
 
 /// Everything that all flights share.
-pub(crate) struct Course {
-    dynamics: Dynamics<f32>,
-    inputs: Inputs<f32>,
-    base: Posture<f32>,
+#[derive(Clone, Copy)]
+pub(crate) struct Course<T: Lanes> {
+    dynamics: Dynamics<T>,
+    inputs: Inputs<T>,
+    base: Posture<T>,
     /// A flight at its start.
-    begun: Skydiver,
+    begun: Skydiver<T>,
     /// Steps of the model in one action.
     substeps: u32,
 }
 
-/// A flight in progress.
+/// A flight in progress, or several side by side.
 #[derive(Clone, Copy)]
-pub(crate) struct Skydiver {
-    state: State<f32>,
+pub(crate) struct Skydiver<T: Lanes> {
+    state: State<T>,
     /// The base posture with the amounts.
-    posture: Posture<f32>,
+    posture: Posture<T>,
     /// Amounts of the movement patterns.
-    pub(crate) amounts: [f32; CONTROLS.len()],
+    pub(crate) amounts: [T; CONTROLS.len()],
     /// Motion at the end of the last action.
-    pub(crate) motion: Motion<f32>,
+    pub(crate) motion: Motion<T>,
 }
 
 /// Names of the numbers of a flight's motion, see [`Skydiver::numbers`].
@@ -73,9 +77,9 @@ pub(crate) const MOVING: [&str; 22] = [
 /// Number of the numbers that describe a flight to the bit.
 pub(crate) const NUMBERS: usize = MOVING.len() + CONTROLS.len();
 
-impl Skydiver {
+impl<T: Lanes> Skydiver<T> {
     /// Returns all that the flight consists of: the numbers of [`MOVING`], and the amounts of the controls.
-    pub(crate) fn numbers(&self) -> [f32; NUMBERS] {
+    pub(crate) fn numbers(&self) -> [T; NUMBERS] {
         let (state, motion) = (&self.state, &self.motion);
         let vectors = [
             state.cg_position.to_array(),
@@ -87,7 +91,7 @@ impl Skydiver {
         ];
         let attitude = state.inertial_from_body.wxyz();
         let all = attitude.into_iter().chain(vectors.into_iter().flatten());
-        let mut numbers = [0.0; NUMBERS];
+        let mut numbers = [T::zero(); NUMBERS];
         for (place, number) in numbers.iter_mut().zip(all.chain(self.amounts)) {
             *place = number;
         }
@@ -95,96 +99,9 @@ impl Skydiver {
     }
 }
 
-impl Skydiver {
-    /// Posture at the end of the last action.
-    pub(crate) const fn posture(&self) -> &Posture<f32> {
-        &self.posture
-    }
-}
-
-impl Course {
-    /// Creates the course of flights that begin as `start` says, with `substeps` steps of the model in each action.
-    pub(crate) fn new(setup: &Setup, start: &Start, substeps: u32) -> Self {
-        let base = pattern::posture(start.posture);
-        let inertial_from_body = facing_north(start.pitch);
-        let motion = Motion {
-            inertial_from_body,
-            position: Vector::new(0.0, 0.0, START_HEIGHT),
-            velocity: inertial_from_body.inverse() * Vector::new(0.0, 0.0, -start.speed),
-            angular_velocity: Vector::zero(),
-        };
-        let mut inputs = setup.inputs;
-        inputs.damping.pitch *= start.pitch_damping;
-        let begun = Skydiver {
-            state: State::from_motion(&motion, &setup.dynamics.hold(&base)),
-            posture: base,
-            amounts: [0.0; CONTROLS.len()],
-            motion,
-        };
-        Self {
-            dynamics: setup.dynamics,
-            inputs,
-            base,
-            begun,
-            substeps,
-        }
-    }
-
-    /// Returns a flight at its start.
-    pub(crate) const fn begun(&self) -> Skydiver {
-        self.begun
-    }
-
-    /// Duration of an action (s).
-    pub(crate) fn duration(&self) -> f64 {
-        f64::from(self.substeps) * TIME_STEP
-    }
-
-    /// Adds amounts of the movement patterns to the base posture.
-    fn posture(&self, amounts: &[f32; CONTROLS.len()]) -> Posture<f32> {
-        let mut posture = self.base;
-        for (control, amount) in CONTROLS.iter().zip(amounts) {
-            if *amount != 0.0 {
-                add(&mut posture, control, *amount);
-            }
-        }
-        posture
-    }
-
-    /// Flies one action, which holds a share of the range of each control; `sample` is scratch memory.
-    pub(crate) fn fly(
-        &self,
-        flight: &mut Skydiver,
-        action: &[f32; CONTROLS.len()],
-        sample: &mut PostureSample<f32>,
-    ) {
-        self.fly_watched(flight, action, None, sample, |_| ());
-    }
-
-    /// Same as [`Course::fly`], with loads that others apply to the body.
-    pub(crate) fn fly_under(
-        &self,
-        loads: &AppliedLoads<f32>,
-        flight: &mut Skydiver,
-        action: &[f32; CONTROLS.len()],
-        sample: &mut PostureSample<f32>,
-    ) {
-        self.fly_watched(flight, action, Some(loads), sample, |_| ());
-    }
-
-    /// Returns a flight that moves as `motion` says, with these amounts of the movement patterns and joints at rest.
-    pub(crate) fn moving(&self, motion: &Motion<f32>, amounts: [f32; CONTROLS.len()]) -> Skydiver {
-        let posture = self.posture(&amounts);
-        Skydiver {
-            state: State::from_motion(motion, &self.dynamics.hold(&posture)),
-            posture,
-            amounts,
-            motion: *motion,
-        }
-    }
-
-    /// Returns the flight with these numbers, which [`Skydiver::numbers`] returned.
-    pub(crate) fn of_numbers(&self, numbers: &[f32; NUMBERS]) -> Skydiver {
+impl<T: Lanes> Skydiver<T> {
+    /// Creates a flight of its [numbers](Skydiver::numbers) and the posture that its amounts give.
+    fn of(numbers: &[T; NUMBERS], posture: Posture<T>) -> Self {
         let [
             w,
             x,
@@ -213,14 +130,14 @@ impl Course {
         // As it was: normalised once more, it would differ in the last bit.
         let attitude = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
         let inertial_from_body = Rotation::from_quaternion(attitude);
-        Skydiver {
+        Self {
             state: State {
                 inertial_from_body,
                 cg_position: Vector::new(cg_n, cg_w, cg_u),
                 linear_momentum: Vector::new(p_n, p_w, p_u),
                 angular_momentum: Vector::new(l_n, l_w, l_u),
             },
-            posture: self.posture(&amounts),
+            posture,
             amounts,
             motion: Motion {
                 inertial_from_body,
@@ -229,6 +146,153 @@ impl Course {
                 angular_velocity: Vector::new(w_l, w_d, w_c),
             },
         }
+    }
+}
+
+impl Skydiver<f32> {
+    /// Posture at the end of the last action.
+    pub(crate) const fn posture(&self) -> &Posture<f32> {
+        &self.posture
+    }
+}
+
+impl Together for Skydiver<Four> {
+    type One = Skydiver<f32>;
+
+    fn all(one: &Self::One) -> Self {
+        let mut posture = Posture::h_pose();
+        for segment in Segment::ALL {
+            posture.set(
+                segment,
+                UnitQuaternion::splat(*one.posture.parent_from_segment(segment)),
+            );
+        }
+        Self::of(&one.numbers().map(Four::splat), posture)
+    }
+
+    fn lane(&self, lane: usize) -> Self::One {
+        let mut posture = Posture::h_pose();
+        for segment in Segment::ALL {
+            posture.set(
+                segment,
+                self.posture.parent_from_segment(segment).extract(lane),
+            );
+        }
+        Skydiver::of(&self.numbers().map(|number| number.extract(lane)), posture)
+    }
+
+    fn put(&mut self, lane: usize, one: &Self::One) {
+        for segment in Segment::ALL {
+            let mut joint = *self.posture.parent_from_segment(segment);
+            joint.replace(lane, *one.posture.parent_from_segment(segment));
+            self.posture.set(segment, joint);
+        }
+        let mut numbers = self.numbers();
+        for (number, one) in numbers.iter_mut().zip(one.numbers()) {
+            number.replace(lane, one);
+        }
+        *self = Self::of(&numbers, self.posture);
+    }
+}
+
+impl Course<f32> {
+    /// Creates the course of flights that begin as `start` says, with `substeps` steps of the model in each action.
+    pub(crate) fn new(setup: &Setup, start: &Start, substeps: u32) -> Self {
+        let base = pattern::posture(start.posture);
+        let inertial_from_body = facing_north(start.pitch);
+        let motion = Motion {
+            inertial_from_body,
+            position: Vector::new(0.0, 0.0, START_HEIGHT),
+            velocity: inertial_from_body.inverse() * Vector::new(0.0, 0.0, -start.speed),
+            angular_velocity: Vector::zero(),
+        };
+        let mut inputs = setup.inputs;
+        inputs.damping.pitch *= start.pitch_damping;
+        let begun = Skydiver {
+            state: State::from_motion(&motion, &setup.dynamics.hold(&base)),
+            posture: base,
+            amounts: [0.0; CONTROLS.len()],
+            motion,
+        };
+        Self {
+            dynamics: setup.dynamics,
+            inputs,
+            base,
+            begun,
+            substeps,
+        }
+    }
+
+    /// Returns the same course for four flights side by side.
+    pub(crate) fn for_four(&self) -> Course<Four> {
+        Course {
+            dynamics: self.dynamics.cast(),
+            inputs: self.inputs.cast(),
+            base: Skydiver::all(&self.begun).posture,
+            begun: Skydiver::all(&self.begun),
+            substeps: self.substeps,
+        }
+    }
+
+    /// Returns a flight at its start.
+    pub(crate) const fn begun(&self) -> Skydiver<f32> {
+        self.begun
+    }
+
+    /// Duration of an action (s).
+    pub(crate) fn duration(&self) -> f64 {
+        f64::from(self.substeps) * TIME_STEP
+    }
+
+    /// Same as [`Course::fly`], with loads that others apply to the body.
+    pub(crate) fn fly_under(
+        &self,
+        loads: &AppliedLoads<f32>,
+        flight: &mut Skydiver<f32>,
+        action: &[f32; CONTROLS.len()],
+        sample: &mut PostureSample<f32>,
+    ) {
+        let half = f32::of(TIME_STEP) * f32::of(0.5);
+        self.fly_watched(flight, action, sample, |_, posture, state, sample| {
+            loads.push(&self.dynamics, state, (posture, sample), 0.0, half);
+        });
+    }
+
+    /// Same as [`Course::fly_under`] for four flights side by side, which fly one after another.
+    pub(crate) fn fly_four_under(
+        &self,
+        loads: &[AppliedLoads<f32>; SIDE_BY_SIDE],
+        four: &mut Skydiver<Four>,
+        actions: &[[f32; CONTROLS.len()]; SIDE_BY_SIDE],
+        sample: &mut PostureSample<f32>,
+    ) {
+        for (lane, (loads, action)) in loads.iter().zip(actions).enumerate() {
+            let mut flight = four.lane(lane);
+            self.fly_under(loads, &mut flight, action, sample);
+            four.put(lane, &flight);
+        }
+    }
+
+    /// Returns a flight that moves as `motion` says, with these amounts of the movement patterns and joints at rest.
+    pub(crate) fn moving(
+        &self,
+        motion: &Motion<f32>,
+        amounts: [f32; CONTROLS.len()],
+    ) -> Skydiver<f32> {
+        let posture = self.posture(&amounts);
+        Skydiver {
+            state: State::from_motion(motion, &self.dynamics.hold(&posture)),
+            posture,
+            amounts,
+            motion: *motion,
+        }
+    }
+
+    /// Returns the flight with these numbers, which [`Skydiver::numbers`] returned.
+    pub(crate) fn of_numbers(&self, numbers: &[f32; NUMBERS]) -> Skydiver<f32> {
+        let mut flight = Skydiver::of(numbers, self.base);
+        flight.posture = self.posture(&flight.amounts);
+        flight
     }
 
     /// Returns posture and motion of a flight at its start.
@@ -239,13 +303,15 @@ impl Course {
     /// Same as [`Course::fly`]; returns posture and motion after each step of the model. Joints move at constant rates.
     pub(crate) fn watch(
         &self,
-        flight: &mut Skydiver,
+        flight: &mut Skydiver<f32>,
         action: &[f32; CONTROLS.len()],
     ) -> Vec<(Posture<f32>, Motion<f32>)> {
         let from = flight.posture;
         let (mut states, mut sample) = (Vec::new(), PostureSample::blank());
-        self.fly_watched(flight, action, None, &mut sample, |state| {
-            states.push(*state);
+        self.fly_watched(flight, action, &mut sample, |when, _, state, _| {
+            if when == When::After {
+                states.push(*state);
+            }
         });
         let rate = PostureRate::between(&from, &flight.posture, f32::of(self.duration()));
         let mut share = 0.0;
@@ -257,41 +323,61 @@ impl Course {
         });
         watched.collect()
     }
+}
 
-    /// Flies one action and shows the state after each step of the model to `each`.
+/// When a step is looked at.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum When {
+    Before,
+    After,
+}
+
+impl<T: Lanes> Course<T> {
+    /// Adds amounts of the movement patterns to the base posture.
+    fn posture(&self, amounts: &[T; CONTROLS.len()]) -> Posture<T> {
+        let mut posture = self.base;
+        for (control, amount) in CONTROLS.iter().zip(amounts) {
+            add(&mut posture, control, *amount);
+        }
+        posture
+    }
+
+    /// Flies one action, which holds a share of the range of each control; `sample` is scratch memory.
+    pub(crate) fn fly(
+        &self,
+        flight: &mut Skydiver<T>,
+        action: &[T; CONTROLS.len()],
+        sample: &mut PostureSample<T>,
+    ) {
+        self.fly_watched(flight, action, sample, |_, _, _, _| ());
+    }
+
+    /// Flies one action and shows posture, state and sample to `each` before and after each step of the model.
     #[inline]
     fn fly_watched(
         &self,
-        flight: &mut Skydiver,
-        action: &[f32; CONTROLS.len()],
-        loads: Option<&AppliedLoads<f32>>,
-        sample: &mut PostureSample<f32>,
-        mut each: impl FnMut(&State<f32>),
+        flight: &mut Skydiver<T>,
+        action: &[T; CONTROLS.len()],
+        sample: &mut PostureSample<T>,
+        mut each: impl FnMut(When, &Posture<T>, &mut State<T>, &PostureSample<T>),
     ) {
-        let duration = f32::of(self.duration());
-        let reach = SPEED * duration;
+        let (one, step) = (T::one(), T::of(TIME_STEP));
+        let duration = T::of(f64::from(self.substeps) * TIME_STEP);
+        let reach = T::single(SPEED) * duration;
         for (amount, wanted) in flight.amounts.iter_mut().zip(action) {
-            *amount += (wanted.clamp(-1.0, 1.0) - *amount).clamp(-reach, reach);
+            *amount += clamp(clamp(*wanted, -one, one) - *amount, -reach, reach);
         }
         let next = self.posture(&flight.amounts);
         self.dynamics
             .between_into(&flight.posture, &next, duration, sample);
         let density = self.dynamics.density_at(&flight.state);
-        let step = f32::of(TIME_STEP);
-        let push = |state: &mut State<f32>, sample: &PostureSample<f32>| {
-            if let Some(loads) = loads {
-                let half = step * f32::of(0.5);
-                loads.push(&self.dynamics, state, (&next, sample), 0.0, half);
-            }
-        };
+        let state = &mut flight.state;
         for _ in 0..self.substeps {
-            push(&mut flight.state, sample);
-            let state = &flight.state;
-            flight.state =
-                self.dynamics
-                    .step_at_density(state, &*sample, &self.inputs, step, density);
-            push(&mut flight.state, sample);
-            each(&flight.state);
+            each(When::Before, &next, state, sample);
+            *state = self
+                .dynamics
+                .step_at_density(state, &*sample, &self.inputs, step, density);
+            each(When::After, &next, state, sample);
         }
         flight.posture = next;
         flight.motion = flight.state.motion(&*sample);
@@ -299,10 +385,14 @@ impl Course {
 }
 
 /// Adds a share of a control's movement pattern to a posture.
-fn add(posture: &mut Posture<f32>, control: &Control, share: f32) {
-    let amount = share * control.limit;
+fn add<T: Lanes>(posture: &mut Posture<T>, control: &Control, share: T) {
+    let still = share.simd_eq(T::zero());
+    if still.all() {
+        return;
+    }
+    let amount = share * T::single(control.limit);
     for &(segment, angles) in control.pattern {
-        let [psi, theta, phi] = angles.map(|angle| f32::of(angle) * amount);
+        let [psi, theta, phi] = angles.map(|angle| T::of(angle) * amount);
         let turn = joint_rotation(psi, theta, phi);
         let (segment, turn) = if control.mirrored {
             let mirrored = Quaternion::new(turn.w, turn.i, -turn.j, -turn.k);
@@ -310,6 +400,7 @@ fn add(posture: &mut Posture<f32>, control: &Control, share: f32) {
         } else {
             (segment, turn)
         };
-        posture.set(segment, turn * posture.parent_from_segment(segment));
+        let before = *posture.parent_from_segment(segment);
+        posture.set(segment, usually(!still, || turn * before, || before));
     }
 }

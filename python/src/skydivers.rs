@@ -1,13 +1,12 @@
 //! Many skydivers that fly in parallel: movement patterns in, the quantities that a motion-capture suit measures out.
 
+use bodyflight_core::dynamics::PostureSample;
 use bodyflight_core::dynamics::applied_load::factor::FACTORS;
 use bodyflight_core::dynamics::applied_load::{
     AppliedLoad, AppliedLoads, Axis, Direction, Kind, Point,
 };
-use bodyflight_core::dynamics::{Motion, PostureSample};
-use bodyflight_core::frame::{Inertial, Rotation, Vector};
-use bodyflight_core::math::Real;
-use bodyflight_core::observation::Observation;
+use bodyflight_core::four::Four;
+use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_io::diagnostic::Problem;
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_viewer::cockpit::{CONTROLS, STARTS};
@@ -18,44 +17,24 @@ use rayon::prelude::*;
 
 use crate::arguments::{array, finite};
 use crate::arrays::{MotionArrays, Motions};
+use crate::observed::{OBSERVED, Row, observation};
 use crate::options::Options;
 use crate::problem::raise;
+use crate::side_by_side::{Flights, SIDE_BY_SIDE, columns, write_rows};
 use crate::skydiver::{Course, MOVING, NUMBERS, Skydiver};
 use crate::subject::Subject;
 use crate::threads::threads;
 
-/// Names of the observed quantities, with units.
-pub(crate) const OBSERVED: [&str; 16] = [
-    "up_left",
-    "up_dorsal",
-    "up_cranial",
-    "heading_sin",
-    "heading_cos",
-    "angular_velocity_left_radps",
-    "angular_velocity_dorsal_radps",
-    "angular_velocity_cranial_radps",
-    "velocity_left_mps",
-    "velocity_dorsal_mps",
-    "velocity_cranial_mps",
-    "position_north_m",
-    "position_west_m",
-    "position_up_m",
-    "horizontal_speed_mps",
-    "vertical_velocity_mps",
-];
-
-/// One row of observations, in the order of [`OBSERVED`].
-pub(crate) type Row = [f32; OBSERVED.len()];
-
-/// Smallest number of neighbouring skydivers that a thread flies in one go, so that threads have enough to do.
-pub(crate) const RUN: usize = 64;
+/// Smallest number of neighbouring fours that a thread flies in one go, so that threads have enough to do.
+pub(crate) const RUN: usize = 16;
 
 /// n skydivers with one body, each in a flight of its own. An action holds a share, -1 to 1, of the range of each movement
 /// pattern in `controls`; joints follow no faster than a person moves them.
 #[pyclass(module = "bodyflight")]
 pub(crate) struct Skydivers {
-    course: Course,
-    flights: Vec<Skydiver>,
+    course: Course<f32>,
+    course_of_four: Course<Four>,
+    flights: Flights<Skydiver<Four>>,
     options: Options,
 }
 
@@ -81,7 +60,8 @@ impl Skydivers {
         };
         let course = options.course()?;
         Ok(Self {
-            flights: vec![course.begun(); count],
+            flights: Flights::new(count, &course.begun()),
+            course_of_four: course.for_four(),
             course,
             options,
         })
@@ -129,12 +109,17 @@ impl Skydivers {
         which: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         match which {
-            None => self.flights.fill(self.course.begun()),
+            None => self.flights = Flights::new(self.flights.len(), &self.course.begun()),
             Some(which) => {
                 let which = array::<bool>(which, "which", &[Some(self.flights.len())])?;
-                let pairs = self.flights.iter_mut().zip(which.as_slice()?);
-                for (flight, _) in pairs.filter(|(_, again)| **again) {
-                    *flight = self.course.begun();
+                let begun = self.course.begun();
+                for (index, _) in which
+                    .as_slice()?
+                    .iter()
+                    .enumerate()
+                    .filter(|(_, again)| **again)
+                {
+                    self.flights.put(index, &begun);
                 }
             }
         }
@@ -155,39 +140,53 @@ impl Skydivers {
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let count = self.flights.len();
         let actions = finite::<f32>(actions, "actions", &[Some(count), Some(CONTROLS.len())])?;
-        let actions = actions.as_slice()?.as_chunks().0;
+        let actions: &[[f32; CONTROLS.len()]] = actions.as_slice()?.as_chunks().0;
         let loads = loads(count, force, moment)?;
         let seen = PyArray2::zeros(py, [count, OBSERVED.len()], false);
         {
             let mut places = seen.readwrite();
-            let rows = places.as_slice_mut()?.as_chunks_mut().0;
-            let (course, flights) = (&self.course, &mut self.flights);
-            let fly = |sample: &mut PostureSample<f32>,
-                       index: usize,
-                       flight: &mut Skydiver,
-                       action,
-                       row: &mut Row| {
-                match loads.get(index) {
-                    Some(loads) => course.fly_under(loads, flight, action, sample),
-                    None => course.fly(flight, action, sample),
-                }
-                *row = observation(&flight.motion);
-            };
+            let (rows, last_rows) = places
+                .as_slice_mut()?
+                .as_chunks_mut()
+                .0
+                .as_chunks_mut::<SIDE_BY_SIDE>();
+            let (actions, last_actions) = actions.as_chunks::<SIDE_BY_SIDE>();
+            let (course, course_of_four) = (&self.course, &self.course_of_four);
+            let flights = &mut self.flights;
+            let (of_fours, last_loads) = loads.split_at(loads.len().min(flights.of_fours()));
             let pool = threads(py)?;
             py.detach(|| {
                 pool.install(|| {
                     flights
+                        .fours
                         .par_iter_mut()
                         .zip(actions.par_iter().zip(rows.par_iter_mut()))
                         .enumerate()
                         .with_min_len(RUN)
                         .for_each_init(
-                            PostureSample::blank,
-                            |sample, (index, (flight, (action, row)))| {
-                                fly(sample, index, flight, action, row);
+                            || (PostureSample::blank(), PostureSample::blank()),
+                            |(sample, single), (index, (four, (actions, rows)))| {
+                                let loads = of_fours.get(index * SIDE_BY_SIDE..);
+                                let loads = loads.and_then(|loads| loads.first_chunk());
+                                match loads {
+                                    Some(loads) => {
+                                        course.fly_four_under(loads, four, actions, single)
+                                    }
+                                    None => course_of_four.fly(four, &columns(actions), sample),
+                                }
+                                write_rows(&observation(&four.motion), rows);
                             },
                         );
                 });
+                let mut sample = PostureSample::blank();
+                let last = flights.rest.iter_mut().zip(last_actions).zip(last_rows);
+                for (index, ((flight, action), row)) in last.enumerate() {
+                    match last_loads.get(index) {
+                        Some(loads) => course.fly_under(loads, flight, action, &mut sample),
+                        None => course.fly(flight, action, &mut sample),
+                    }
+                    *row = observation(&flight.motion);
+                }
             });
         }
         Ok(seen)
@@ -196,7 +195,7 @@ impl Skydivers {
     /// Returns the observations, n by 16.
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let flights = self.flights.iter();
-        let observed: Vec<Row> = flights.map(|flight| observation(&flight.motion)).collect();
+        let observed: Vec<Row<f32>> = flights.map(|flight| observation(&flight.motion)).collect();
         let count = observed.len();
         let flat = numpy::PyArray1::from_vec(py, observed.into_flattened());
         flat.reshape([count, OBSERVED.len()])
@@ -206,7 +205,7 @@ impl Skydivers {
     #[getter]
     fn motion(&self, py: Python<'_>) -> PyResult<Py<MotionArrays>> {
         let mut motions = Motions::default();
-        for flight in &self.flights {
+        for flight in self.flights.iter() {
             motions.push(&flight.motion.cast());
         }
         motions.arrays(py)
@@ -215,7 +214,7 @@ impl Skydivers {
     /// Returns everything that the flights consist of, n by 30 in the order of `state_names`. `set_state` continues them to
     /// the bit.
     fn get_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let numbers: Vec<_> = self.flights.iter().map(Skydiver::numbers).collect();
+        let numbers: Vec<_> = self.flights.iter().map(|flight| flight.numbers()).collect();
         let count = numbers.len();
         let flat = numpy::PyArray1::from_vec(py, numbers.into_flattened());
         flat.reshape([count, NUMBERS])
@@ -226,7 +225,9 @@ impl Skydivers {
         let shape = [Some(self.flights.len()), Some(NUMBERS)];
         let state = finite::<f32>(state, "state", &shape)?;
         let rows = state.as_slice()?.as_chunks().0;
-        self.flights = of_states(&self.course, rows.iter())?;
+        for (index, flight) in of_states(&self.course, rows.iter())?.iter().enumerate() {
+            self.flights.put(index, flight);
+        }
         Ok(())
     }
 
@@ -251,7 +252,7 @@ impl Skydivers {
         let spin = Given::of(angular_velocity, "angular_velocity", count, 3)?;
         let controls = Given::of(controls, "controls", count, CONTROLS.len())?;
         let mut moved = self.flights.clone();
-        for (index, flight) in moved.iter_mut().enumerate() {
+        for (index, flight) in self.flights.iter().enumerate() {
             let mut motion = flight.motion;
             let along = motion.velocity_inertial();
             if let Some(wxyz) = attitude.row(index)? {
@@ -268,9 +269,8 @@ impl Skydivers {
                 motion.angular_velocity = vector(spin);
             }
             let amounts = controls.row(index)?.unwrap_or(flight.amounts);
-            *flight = self
-                .course
-                .moving(&motion, amounts.map(|amount| amount.clamp(-1.0, 1.0)));
+            let amounts = amounts.map(|amount| amount.clamp(-1.0, 1.0));
+            moved.put(index, &self.course.moving(&motion, amounts));
         }
         self.flights = moved;
         Ok(())
@@ -333,9 +333,9 @@ pub(crate) fn state_names() -> Vec<String> {
 /// # Errors
 /// Returns an error if the quaternion of an attitude has not the length one.
 pub(crate) fn of_states<'a>(
-    course: &Course,
+    course: &Course<f32>,
     rows: impl Iterator<Item = &'a [f32; NUMBERS]>,
-) -> PyResult<Vec<Skydiver>> {
+) -> PyResult<Vec<Skydiver<f32>>> {
     let flight = |(index, row): (usize, &[f32; NUMBERS])| {
         let [w, x, y, z, ..] = *row;
         let size = w * w + x * x + y * y + z * z;
@@ -387,33 +387,4 @@ fn loads(
         all.push(loads);
     }
     Ok(all)
-}
-
-/// Observes a motion, in the order of [`OBSERVED`].
-pub(crate) fn observation(motion: &Motion<f32>) -> Row {
-    let seen = Observation::of(motion);
-    let up = motion.inertial_from_body.inverse() * Vector::<f32, Inertial>::new(0.0, 0.0, 1.0);
-    let (sin, cos) = seen.angles.heading.sine_cosine();
-    let [ul, ud, uc] = up.to_array();
-    let [wl, wd, wc] = motion.angular_velocity.to_array();
-    let [vl, vd, vc] = motion.velocity.to_array();
-    let [north, west, height] = motion.position.to_array();
-    [
-        ul,
-        ud,
-        uc,
-        sin,
-        cos,
-        wl,
-        wd,
-        wc,
-        vl,
-        vd,
-        vc,
-        north,
-        west,
-        height,
-        seen.horizontal_speed,
-        seen.vertical_velocity,
-    ]
 }

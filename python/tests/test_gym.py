@@ -44,15 +44,23 @@ def test_a_turn_turns_and_its_mirror_turns_the_other_way():
 
 
 def test_many_fly_like_one():
-    one, many = bodyflight.Skydivers(1), bodyflight.Skydivers(50)
-    one.reset()
-    many.reset()
+    """Skydivers side by side and those left over have the bits of each alone, pushed or not, restarted or not."""
+    many, ones = bodyflight.Skydivers(10), [bodyflight.Skydivers(1) for _ in range(10)]
     random = np.random.default_rng(5)
-    for _ in range(30):
-        action = random.uniform(-1.0, 1.0, (1, len(one.controls))).astype(np.float32)
-        alone = one.step(action)
-        together = many.step(np.repeat(action, 50, axis=0))
-        np.testing.assert_array_equal(together, np.repeat(alone, 50, axis=0))
+    for step in range(30):
+        if step == 20:
+            again = random.random(10) < 0.5
+            many.reset(again)
+            for one, begins in zip(ones, again):
+                one.reset([begins])
+        actions = random.uniform(-1.0, 1.0, (10, 8)).astype(np.float32)
+        actions[random.random((10, 8)) < 0.3] = 0.0
+        force = random.normal(0.0, 50.0, (10, 3)) if step % 3 == 0 else None
+        together = many.step(actions, force=force)
+        for row, one in enumerate(ones):
+            alone = one.step(actions[[row]], force=None if force is None else force[[row]])
+            np.testing.assert_array_equal(together[row], alone[0])
+    np.testing.assert_array_equal(many.get_state(), np.concatenate([one.get_state() for one in ones]))
 
 
 def test_vector_environments_restart_when_an_episode_ends():
@@ -124,17 +132,28 @@ def test_one_environment_and_a_vector_of_one_agree(task):
 
 
 def test_a_vector_environment_flies_what_single_ones_fly():
-    """More skydivers than one thread flies in a run, in a task without random goals."""
-    one, many = gym.SkydiverEnv("hold"), gym.SkydiverVectorEnv(150, "hold")
-    one.reset(seed=0)
+    """More skydivers than one thread flies in a run, in a task without random goals; their episodes end one by one."""
+    count = 70
+    ones, many = [gym.SkydiverEnv("hold") for _ in range(count)], gym.SkydiverVectorEnv(count, "hold")
     many.reset(seed=1)
-    random = np.random.default_rng(8)
+    flights, late = many._flights.environments, np.arange(count) % 30
+    state = flights.get_state()
+    state[:, flights.state_names.index("steps")] = many.episode_steps - 5 - late
+    flights.set_state(state)
+    for one, numbers in zip(ones, state):
+        one.reset(seed=0)
+        one._flights.environments.set_state(numbers[None])
+    random, ended, ends = np.random.default_rng(8), [False] * count, 0
     for _ in range(40):
-        action = random.uniform(-0.5, 0.5, one.action_space.shape).astype(np.float32)
-        wanted = one.step(action)
-        found = many.step(np.repeat(action[None], 150, axis=0))
-        for part, expected in zip(found[:4], wanted[:4]):
-            np.testing.assert_array_equal(part, np.repeat(np.asarray(expected, dtype=part.dtype)[None], 150, axis=0))
+        actions = random.choice([-1.0, 0.0, 1.0], (count, 8)).astype(np.float32)
+        found = many.step(actions)
+        for row, one in enumerate(ones):
+            wanted = (one.reset()[0], 0.0, False, False) if ended[row] else one.step(actions[row])[:4]
+            ended[row] = wanted[2] or wanted[3]
+            for part, expected in zip(found[:4], wanted):
+                np.testing.assert_array_equal(part[row], np.asarray(expected, dtype=part.dtype))
+        ends += sum(ended)
+    assert ends == count
 
 
 def test_observations_and_rewards_follow_from_the_motion():

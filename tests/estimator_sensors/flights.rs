@@ -13,7 +13,7 @@ use bodyflight_core::estimator::motion::sensors::{Gyroscope, ReceiverVelocity, S
 use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset};
 use bodyflight_core::frame::{Body, Rotation, Vector, facing_north};
 use bodyflight_core::math::small_rotation;
-use bodyflight_core::{Posture, Real, Segment};
+use bodyflight_core::{Lanes, Posture, Segment};
 use bodyflight_tests::estimator_flights::Noise;
 use bodyflight_tests::range_watch::RangeWatch;
 use nalgebra::Vector3;

@@ -8,19 +8,19 @@ use nalgebra::Vector3;
 
 use crate::body::posture::PosedSegment;
 use crate::body::{Body, Segment, SegmentArray};
-use crate::math::Real;
+use crate::math::Lanes;
 
 /// Factor on the drag for an arch area (m2), paper eq. (arch_area).
 ///
 /// The cubic was fitted to areas of about -0.3 to 0.22 m2; it is evaluated from -0.45 to 0.35 m2 and held constant
 /// beyond.
-pub fn arch_factor<T: Real>(arch_area: T) -> T {
+pub fn arch_factor<T: Lanes>(arch_area: T) -> T {
     let area = crate::math::clamp(arch_area, T::of(-0.45), T::of(0.35));
     T::of(1.055) + area * (T::of(0.5281) + area * (T::of(-0.0039) + area * T::of(2.8828)))
 }
 
 /// Arch area of a posed body (m2), model.md "Arch"; paper symbol A_arch.
-pub fn arch_area<T: Real>(body: &Body<T>, posed: &SegmentArray<PosedSegment<T>>) -> T {
+pub fn arch_area<T: Lanes>(body: &Body<T>, posed: &SegmentArray<PosedSegment<T>>) -> T {
     let end = |segment: Segment, length: T| {
         let placed = &posed[segment];
         placed.joint + placed.body_from_segment.column(2) * length
@@ -39,7 +39,7 @@ pub fn arch_area<T: Real>(body: &Body<T>, posed: &SegmentArray<PosedSegment<T>>)
 }
 
 /// Area in the Y-Z plane between a line and its chord (m2); positive where the line lies dorsal of the chord.
-fn signed_area<T: Real>(points: &[Vector3<T>]) -> T {
+fn signed_area<T: Lanes>(points: &[Vector3<T>]) -> T {
     let next = points.iter().skip(1).chain(points.first());
     points
         .iter()

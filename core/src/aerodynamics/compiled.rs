@@ -4,7 +4,7 @@
 //! collapse to a few small matrices (model.md "Aerodynamics without angles", with `x x^T + z z^T = 1 - y y^T`). A
 //! property test checks that it equals the plain form to rounding.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3, Vector6};
 
 use super::free_fly::{Felt, FreeFly};
 use super::load_model::LoadModel;
@@ -12,11 +12,11 @@ use super::stream::Stream;
 use super::{Aerodynamics, ExposedSegment, Flow, Loads, expose_into};
 use crate::body::posture::PosedSegment;
 use crate::body::{Body, SEGMENT_COUNT, SegmentArray};
-use crate::math::{Real, outer, skew};
+use crate::math::{Lanes, cross_columns};
 
 /// Aerodynamics of one posture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CompiledAerodynamics<T: Real> {
+pub struct CompiledAerodynamics<T: Lanes> {
     /// The segments, needed for the drag and for muscle input.
     pub segments: SegmentArray<ExposedSegment<T>>,
     forms: Forms<T>,
@@ -25,14 +25,14 @@ pub struct CompiledAerodynamics<T: Real> {
 
 /// Areas of a posture that are exposed to a given airstream.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seen<T: Real> {
+pub struct Seen<T: Lanes> {
     /// Exposed area of each segment (m2), scaled by the effects of shelter and arch on its drag.
     pub areas: SegmentArray<T>,
     /// Factor on the forces across the airstream and on the couples.
     pub across: T,
 }
 
-impl<T: Real> Seen<T> {
+impl<T: Lanes> Seen<T> {
     /// No exposed areas, to be filled later.
     pub(crate) fn nothing() -> Self {
         Self {
@@ -52,7 +52,7 @@ impl<T: Real> Seen<T> {
 
 /// Precomputed sums for everything but the drag.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Forms<T: Real> {
+struct Forms<T: Lanes> {
     /// `Sum 2 A_xz Cl y y^T` (m2): force across the airstream.
     lift: Matrix3<T>,
     /// `Sum 2 A_xz l Cm y y^T` (m3): couples.
@@ -64,7 +64,7 @@ struct Forms<T: Real> {
 }
 
 /// Drag of all segments, divided by the dynamic pressure.
-struct Drag<T: Real> {
+struct Drag<T: Lanes> {
     exposed_area: T,
     /// Sum of areas times drag coefficients (m2).
     area: T,
@@ -72,7 +72,7 @@ struct Drag<T: Real> {
     centre: Vector3<T>,
 }
 
-impl<T: Real> Drag<T> {
+impl<T: Lanes> Drag<T> {
     fn none() -> Self {
         Self {
             exposed_area: T::zero(),
@@ -88,7 +88,16 @@ impl<T: Real> Drag<T> {
     }
 }
 
-impl<T: Real> Forms<T> {
+/// Components xx, xy, xz, yy, yz, zz of a symmetric matrix.
+type Symmetric<T> = Vector6<T>;
+
+/// A symmetric matrix with all its components.
+fn whole<T: Lanes>(components: &Symmetric<T>) -> Matrix3<T> {
+    let [xx, xy, xz, yy, yz, zz] = (*components).into();
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+}
+
+impl<T: Lanes> Forms<T> {
     fn none() -> Self {
         let zero = Matrix3::zeros();
         Self {
@@ -100,18 +109,26 @@ impl<T: Real> Forms<T> {
     }
 
     fn of(segments: &SegmentArray<ExposedSegment<T>>) -> Self {
-        let mut forms = Self::none();
+        let none = Symmetric::<T>::zeros();
+        let (mut lift, mut couple, mut centre) = (none, none, [none; 3]);
+        let mut lift_moment = Matrix3::zeros();
         for segment in segments.values() {
-            let dyad = outer(&segment.dorsal, T::one());
+            let [x, y, z] = segment.dorsal.into();
+            let dyad = Symmetric::from([x * x, x * y, x * z, y * y, y * z, z * z]);
             let lift_dyad = dyad * segment.lift_area;
-            forms.lift += lift_dyad;
-            forms.couple += dyad * segment.moment_volume;
-            forms.lift_moment += skew(&segment.centre) * lift_dyad;
-            for (sum, &coordinate) in forms.lift_centre.iter_mut().zip(segment.centre.iter()) {
+            lift += lift_dyad;
+            couple += dyad * segment.moment_volume;
+            lift_moment += cross_columns(&segment.centre, &whole(&lift_dyad));
+            for (sum, &coordinate) in centre.iter_mut().zip(segment.centre.iter()) {
                 *sum += lift_dyad * coordinate;
             }
         }
-        forms
+        Self {
+            lift: whole(&lift),
+            couple: whole(&couple),
+            lift_moment,
+            lift_centre: centre.map(|form| whole(&form)),
+        }
     }
 
     fn scaled(mut self, factor: T) -> Self {
@@ -140,7 +157,7 @@ impl<T: Real> Forms<T> {
     }
 }
 
-impl<T: Real> CompiledAerodynamics<T> {
+impl<T: Lanes> CompiledAerodynamics<T> {
     /// Computes the sums for these segments.
     pub fn new(segments: SegmentArray<ExposedSegment<T>>) -> Self {
         let forms = Forms::of(&segments);
@@ -306,14 +323,14 @@ impl<T: Real> CompiledAerodynamics<T> {
 const LEAST_SHARE: f64 = 0.25;
 
 #[inline]
-fn at_least<T: Real>(value: T, least: T) -> T {
-    if value > least { value } else { least }
+fn at_least<T: Lanes>(value: T, least: T) -> T {
+    value.greater(least)
 }
 
 /// Aerodynamics of one posture without its segments: exact while each segment exposes the same face to the airstream
 /// as at the reference direction, first-order accurate beyond that.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrozenAerodynamics<T: Real> {
+pub struct FrozenAerodynamics<T: Lanes> {
     forms: Forms<T>,
     /// Sum of the silhouette vectors that face the airstream (m2); its product with the direction is the exposed area.
     silhouette: Vector3<T>,
@@ -325,7 +342,7 @@ pub struct FrozenAerodynamics<T: Real> {
     least: [T; 2],
 }
 
-impl<T: Real> FrozenAerodynamics<T> {
+impl<T: Lanes> FrozenAerodynamics<T> {
     /// Area exposed to an airstream in this `direction` (m2).
     #[inline]
     pub fn exposed_area(&self, direction: &Vector3<T>) -> T {

@@ -16,14 +16,14 @@
 
 use core::f64::consts::FRAC_1_PI;
 
-use nalgebra::Vector3;
+use nalgebra::{SimdBool, Vector3};
 
 use super::arch::{arch_area, arch_factor};
 use super::load_model::LoadModel;
 use super::{Aerodynamics, ArchFactor, ExposedSegment};
 use crate::body::posture::PosedSegment;
 use crate::body::{Body, Segment, SegmentArray};
-use crate::math::Real;
+use crate::math::Lanes;
 
 /// Pairs of neighbours; whichever is upstream shelters the other.
 pub const WAKES: [[Segment; 2]; 13] = [
@@ -48,7 +48,7 @@ pub const SHELTER: f64 = 0.9;
 
 /// The data of a posture for airstreams from any direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FreeFly<T: Real> {
+pub struct FreeFly<T: Lanes> {
     /// Change of the drag factor by the arch, for air coming from the belly side and from the back.
     arch: [T; 2],
     /// One wake for each pair of [`WAKES`].
@@ -59,7 +59,7 @@ pub struct FreeFly<T: Real> {
 ///
 /// The squared radius of the wake is the sum of the squared radii of both ends, so that the shelter ends smoothly.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Wake<T: Real> {
+struct Wake<T: Lanes> {
     /// Vector from the centre of the first segment to that of the second, body axes.
     apart: Vector3<T>,
     /// One minus the squared length of `apart`. Adding the squared component of `apart` along the airstream gives the
@@ -70,27 +70,21 @@ struct Wake<T: Real> {
     loss: [T; 2],
 }
 
-impl<T: Real> Wake<T> {
-    /// Returns a wake without shelter.
-    fn none() -> Self {
-        Self {
-            apart: Vector3::zeros(),
-            depth: T::zero(),
-            loss: [T::zero(); 2],
-        }
-    }
-
+impl<T: Lanes> Wake<T> {
     /// Creates the wake of two neighbours `apart` (m, body axes) whose ends have these squared radii (m2).
     fn of(apart: &Vector3<T>, [first, second]: [T; 2]) -> Self {
-        let (one, width) = (T::one(), first + second);
-        if width <= T::zero() {
-            return Self::none();
-        }
-        let covered = |shade: T, shaded: T| if shade < shaded { shade / shaded } else { one };
-        let loss = |covered: T| T::of(SHELTER) * covered;
+        let (zero, one, width) = (T::zero(), T::one(), first + second);
+        let covered = |shade: T, shaded: T| {
+            let partly = shade.simd_lt(shaded);
+            partly.if_else(|| shade / shaded, || one)
+        };
+        // Without a width there is no wake.
+        let narrow = width.simd_le(zero);
+        let loss = |covered: T| narrow.if_else(|| zero, || T::of(SHELTER) * covered);
+        let scale = |apart: Vector3<T>| narrow.if_else(Vector3::zeros, || apart);
         Self {
-            apart: apart * (one / width.root()),
-            depth: one - apart.norm_squared() / width,
+            apart: scale(apart * (one / width.root())),
+            depth: narrow.if_else(|| zero, || one - apart.norm_squared() / width),
             loss: [loss(covered(second, first)), loss(covered(first, second))],
         }
     }
@@ -98,14 +92,14 @@ impl<T: Real> Wake<T> {
 
 /// Factors on the loads for one direction of the airstream.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Felt<T: Real> {
+pub struct Felt<T: Lanes> {
     /// Factor on the drag of each segment, from arch and shelter.
     pub drag: SegmentArray<T>,
     /// Factor on the forces across the airstream and on the couples.
     pub across: T,
 }
 
-impl<T: Real> Felt<T> {
+impl<T: Lanes> Felt<T> {
     /// All factors one, as in the paper's model.
     #[inline]
     pub fn whole() -> Self {
@@ -127,7 +121,7 @@ impl<T: Real> Felt<T> {
     }
 }
 
-impl<T: Real> FreeFly<T> {
+impl<T: Lanes> FreeFly<T> {
     /// Precomputes the data of a posed body; `None` with the paper's model.
     pub(crate) fn of(
         body: &Body<T>,
@@ -174,21 +168,23 @@ impl<T: Real> FreeFly<T> {
         // Share of the airstream that meets belly or back, by the cross-flow principle.
         let flat = direction.y * direction.y;
         let [belly, back] = self.arch;
-        let arch = one + flat * if direction.y < zero { belly } else { back };
+        let arch = one + flat * direction.y.simd_lt(zero).if_else(|| belly, || back);
         for share in drag.values_mut() {
             *share = arch;
         }
         for (&[first, second], wake) in WAKES.iter().zip(&self.wakes) {
             let along = wake.apart.dot(direction);
             let inside = wake.depth + along * along;
-            if inside > zero {
-                let [of_first, of_second] = wake.loss;
-                let (behind, loss) = if along > zero {
-                    (first, of_first)
-                } else {
-                    (second, of_second)
-                };
-                drag[behind] *= one - loss * inside * inside;
+            let (covers, first_behind) = (inside.simd_gt(zero), along.simd_gt(zero));
+            if covers.none() {
+                continue;
+            }
+            let behind = [first_behind, !first_behind];
+            for ((segment, behind), loss) in [first, second].into_iter().zip(behind).zip(wake.loss)
+            {
+                let kept = |share: T| share * (one - loss * inside * inside);
+                let share = drag[segment];
+                drag[segment] = (covers & behind).if_else(|| kept(share), || share);
             }
         }
         flat

@@ -3,11 +3,11 @@
 //! All are off unless an [effect](crate::effect) turns them on. Loads are then summed segment by segment, each with
 //! its own local airstream, instead of using the compiled sums.
 
-use nalgebra::Vector3;
+use nalgebra::{SimdBool, Vector3};
 
 use super::{ExposedSegment, Flow, Loads};
 use crate::body::{Segment, SegmentArray};
-use crate::math::Real;
+use crate::math::{Lanes, Real};
 
 /// Speed at which the drag coefficients apply unchanged (m/s), see [`Stream::reynolds`].
 pub const REYNOLDS_SPEED: f64 = 50.0;
@@ -32,7 +32,7 @@ pub struct Stream<T> {
     pub lag: T,
 }
 
-impl<T: Real> Stream<T> {
+impl<T: Lanes> Stream<T> {
     /// The paper's assumption: the same airstream for all segments.
     pub fn uniform() -> Self {
         Self {
@@ -51,7 +51,10 @@ impl<T: Real> Stream<T> {
     }
 
     /// Converts the values to another precision.
-    pub fn cast<U: Real>(&self) -> Stream<U> {
+    pub fn cast<U: Lanes>(&self) -> Stream<U>
+    where
+        T: Real,
+    {
         let scalar = |value: T| U::of(value.to_f64());
         Stream {
             rotation: scalar(self.rotation),
@@ -117,11 +120,8 @@ impl<T: Real> Stream<T> {
     fn drag_factor(&self, velocity: &Vector3<T>) -> T {
         let ratio = velocity.norm_squared() * T::of(1.0 / (REYNOLDS_SPEED * REYNOLDS_SPEED));
         // At rest the exponent is meaningless, and there is no force.
-        if self.reynolds == T::zero() || ratio < T::of(1e-4) {
-            T::one()
-        } else {
-            ratio.power(self.reynolds * T::of(-0.5))
-        }
+        let none = self.reynolds.simd_eq(T::zero()) | ratio.simd_lt(T::of(1e-4));
+        none.if_else(T::one, || ratio.power(self.reynolds * T::of(-0.5)))
     }
 
     /// Share of its load that a segment in the wake of the trunk keeps.
@@ -139,7 +139,7 @@ impl<T: Real> Stream<T> {
         let offset = trunk - centre;
         // The air comes from the direction of the velocity, so behind means against the velocity.
         let behind = offset.dot(direction);
-        if is_trunk || behind <= T::zero() {
+        if is_trunk {
             return T::one();
         }
         let aside = (offset - direction * behind).norm_squared();
@@ -147,7 +147,9 @@ impl<T: Real> Stream<T> {
         let depth = T::of(SHELTER_DEPTH * SHELTER_DEPTH);
         // The wake starts at the trunk; without the depth term a limb beside it would lose its load abruptly.
         let inside = behind * behind / (behind * behind + depth);
-        T::one() - self.shelter * inside * width / (width + aside)
+        behind.simd_le(T::zero()).if_else(T::one, || {
+            T::one() - self.shelter * inside * width / (width + aside)
+        })
     }
 }
 

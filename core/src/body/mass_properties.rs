@@ -4,12 +4,12 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::posture::{PosedSegment, Posture, near};
-use super::{Body, Segment, SegmentArray};
-use crate::math::{Real, outer, point_inertia, skew, small_rotation};
+use super::{Body, Segment, SegmentArray, SegmentParameters};
+use crate::math::{Lanes, cross_columns, outer, point_inertia, small_rotation, usually};
 
 /// Mass properties of a posed body, in body axes with the origin at the pelvic joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MassProperties<T: Real> {
+pub struct MassProperties<T: Lanes> {
     /// Mass (kg).
     pub mass: T,
     /// Position of the centre of gravity (m), paper eq. (cg1).
@@ -19,24 +19,42 @@ pub struct MassProperties<T: Real> {
     pub inertia_about_origin: Matrix3<T>,
 }
 
-impl<T: Real> MassProperties<T> {
+impl<T: Lanes> MassProperties<T> {
     /// Sums over the posed segments of `body`.
     pub fn of(body: &Body<T>, posed: &SegmentArray<PosedSegment<T>>) -> Self {
-        let mut mass = T::zero();
-        let mut first_moment = Vector3::zeros();
-        let mut inertia_about_origin = Matrix3::zeros();
+        let mut sum = Self::none();
         for segment in Segment::ALL {
             let (parameters, placed) = (&body.segments[segment], &posed[segment]);
-            mass += parameters.mass;
-            first_moment += placed.cg * parameters.mass;
-            inertia_about_origin += body_inertia(&parameters.inertia, &placed.body_from_segment)
-                + point_inertia(parameters.mass, &placed.cg);
+            let inertia = body_inertia(&parameters.inertia, &placed.body_from_segment);
+            sum.add(parameters, placed, &inertia);
         }
+        sum.divided()
+    }
+
+    fn none() -> Self {
         Self {
-            mass,
-            cg: first_moment / mass,
-            inertia_about_origin,
+            mass: T::zero(),
+            cg: Vector3::zeros(),
+            inertia_about_origin: Matrix3::zeros(),
         }
+    }
+
+    /// Adds a segment of this `inertia` in body axes; until [`MassProperties::divided`], `cg` is the first moment.
+    #[inline]
+    fn add(
+        &mut self,
+        parameters: &SegmentParameters<T>,
+        placed: &PosedSegment<T>,
+        inertia: &Matrix3<T>,
+    ) {
+        self.mass += parameters.mass;
+        self.cg += placed.cg * parameters.mass;
+        self.inertia_about_origin += inertia + point_inertia(parameters.mass, &placed.cg);
+    }
+
+    fn divided(mut self) -> Self {
+        self.cg /= self.mass;
+        self
     }
 
     /// Returns the inertia about the centre of gravity (kg m2).
@@ -47,9 +65,9 @@ impl<T: Real> MassProperties<T> {
 
 /// Joint motion: angular velocity of each segment relative to its parent, in the parent's axes (rad/s).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PostureRate<T: Real>(pub SegmentArray<Vector3<T>>);
+pub struct PostureRate<T: Lanes>(pub SegmentArray<Vector3<T>>);
 
-impl<T: Real> PostureRate<T> {
+impl<T: Lanes> PostureRate<T> {
     /// Rates of a body whose joints are at rest.
     pub fn zero() -> Self {
         Self(SegmentArray::from_fn(|_| Vector3::zeros()))
@@ -85,7 +103,7 @@ impl<T: Real> PostureRate<T> {
 
 /// How mass moves within the body frame; rates are component rates in body axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MassMotion<T: Real> {
+pub struct MassMotion<T: Lanes> {
     /// Rate of the centre of gravity (m/s).
     pub cg_rate: Vector3<T>,
     /// Rate of the inertia about the origin (kg m2/s).
@@ -94,7 +112,7 @@ pub struct MassMotion<T: Real> {
     pub relative_angular_momentum: Vector3<T>,
 }
 
-impl<T: Real> MassMotion<T> {
+impl<T: Lanes> MassMotion<T> {
     /// Mass motion of a body whose joints are at rest.
     pub fn zero() -> Self {
         Self {
@@ -110,7 +128,16 @@ impl<T: Real> MassMotion<T> {
         posed: &SegmentArray<PosedSegment<T>>,
         rate: &PostureRate<T>,
     ) -> Self {
-        let mut mass = T::zero();
+        Self::with_properties(body, posed, rate).1
+    }
+
+    /// Computes mass properties and mass motion in one pass, which share the inertia of each segment.
+    pub fn with_properties(
+        body: &Body<T>,
+        posed: &SegmentArray<PosedSegment<T>>,
+        rate: &PostureRate<T>,
+    ) -> (MassProperties<T>, Self) {
+        let mut properties = MassProperties::none();
         let mut sum = Self::zero();
         let mut joint_velocity = SegmentArray::from_fn(|_| Vector3::<T>::zeros());
         let mut angular_velocity = joint_velocity;
@@ -126,17 +153,17 @@ impl<T: Real> MassMotion<T> {
             let spin = angular_velocity[segment];
             let velocity = joint_velocity[segment] + spin.cross(&(placed.cg - placed.joint));
             let inertia = body_inertia(&parameters.inertia, &placed.body_from_segment);
-            mass += parameters.mass;
+            properties.add(parameters, placed, &inertia);
             let momentum = velocity * parameters.mass;
             sum.cg_rate += momentum;
             sum.relative_angular_momentum += placed.cg.cross(&momentum) + inertia * spin;
-            let turning = skew(&spin) * inertia;
+            let turning = cross_columns(&spin, &inertia);
             let pull = outer_pair(&placed.cg, &momentum);
             sum.inertia_rate +=
                 turning + turning.transpose() + Matrix3::from_diagonal_element(pull.trace()) - pull;
         }
-        sum.cg_rate /= mass;
-        sum
+        sum.cg_rate /= properties.mass;
+        (properties.divided(), sum)
     }
 
     /// Angular momentum of the segments relative to a frame that moves with the centre of gravity and rotates with the
@@ -147,19 +174,23 @@ impl<T: Real> MassMotion<T> {
 }
 
 /// Inertia of a segment in body axes, by the similarity transformation of paper eq. (cg2).
-fn body_inertia<T: Real>(inertia: &Matrix3<T>, body_from_segment: &Matrix3<T>) -> Matrix3<T> {
-    if inertia.m21 == T::zero() && inertia.m31 == T::zero() && inertia.m32 == T::zero() {
-        // Principal axes are the usual case: a sum of three outer products.
-        let axis = |k: usize| body_from_segment.column(k).into_owned();
-        return outer(&axis(0), inertia.m11)
-            + outer(&axis(1), inertia.m22)
-            + outer(&axis(2), inertia.m33);
-    }
-    body_from_segment * inertia * body_from_segment.transpose()
+fn body_inertia<T: Lanes>(inertia: &Matrix3<T>, body_from_segment: &Matrix3<T>) -> Matrix3<T> {
+    let is_zero = |element: T| element.simd_eq(T::zero());
+    usually(
+        is_zero(inertia.m21) & is_zero(inertia.m31) & is_zero(inertia.m32),
+        || {
+            // Principal axes are the usual case: a sum of three outer products.
+            let axis = |k: usize| body_from_segment.column(k).into_owned();
+            outer(&axis(0), inertia.m11)
+                + outer(&axis(1), inertia.m22)
+                + outer(&axis(2), inertia.m33)
+        },
+        || body_from_segment * inertia * body_from_segment.transpose(),
+    )
 }
 
 /// `a b^T + b a^T`.
-fn outer_pair<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> Matrix3<T> {
+fn outer_pair<T: Lanes>(a: &Vector3<T>, b: &Vector3<T>) -> Matrix3<T> {
     let product = a * b.transpose();
     product + product.transpose()
 }

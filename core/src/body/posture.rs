@@ -1,26 +1,26 @@
 //! Posture: 15 joint rotations with 45 degrees of freedom, and the forward kinematics that pose the body.
 
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Quaternion, SimdBool, UnitQuaternion, Vector3};
 
 use super::{Body, Segment, SegmentArray};
-use crate::math::{self, Real};
+use crate::math::{self, Lanes, Real};
 
 /// Rotation of each segment relative to its parent; every rotation is the identity in the H-pose (standing, arms
 /// down).
 ///
 /// The pelvis is the root: its entry is always the identity.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Posture<T: Real> {
+pub struct Posture<T: Lanes> {
     parent_from_segment: SegmentArray<UnitQuaternion<T>>,
 }
 
-impl<T: Real> Default for Posture<T> {
+impl<T: Lanes> Default for Posture<T> {
     fn default() -> Self {
         Self::h_pose()
     }
 }
 
-impl<T: Real> Posture<T> {
+impl<T: Lanes> Posture<T> {
     /// Returns the H-pose: standing, arms down, all joints at zero.
     pub fn h_pose() -> Self {
         Self {
@@ -120,7 +120,10 @@ impl<T: Real> Posture<T> {
     }
 
     /// Returns whether every joint is a finite unit quaternion (norm within 1e-3 of 1).
-    pub fn is_valid(&self) -> bool {
+    pub fn is_valid(&self) -> bool
+    where
+        T: Real,
+    {
         self.parent_from_segment.values().all(|q| {
             let size = q.coords.norm_squared();
             size.is_finite() && (size - T::one()).abs() < T::of(2e-3)
@@ -128,7 +131,10 @@ impl<T: Real> Posture<T> {
     }
 
     /// Converts the posture to another precision.
-    pub fn cast<U: Real>(&self) -> Posture<U> {
+    pub fn cast<U: Lanes>(&self) -> Posture<U>
+    where
+        T: Real,
+    {
         Posture {
             parent_from_segment: self.parent_from_segment.map(|_, q| {
                 math::normalized(Quaternion::from(q.coords.map(|c| U::of(c.to_f64()))))
@@ -138,29 +144,34 @@ impl<T: Real> Posture<T> {
 }
 
 /// Returns whichever of `rotation` and its negated quaternion, the same rotation, is nearer to `reference`.
-pub fn near<T: Real>(
+pub fn near<T: Lanes>(
     rotation: &UnitQuaternion<T>,
     reference: &UnitQuaternion<T>,
 ) -> UnitQuaternion<T> {
-    if rotation.coords.dot(&reference.coords) < T::zero() {
-        UnitQuaternion::new_unchecked(-**rotation)
-    } else {
-        *rotation
-    }
+    let cosine = rotation.coords.dot(&reference.coords);
+    cosine
+        .simd_lt(T::zero())
+        .if_else(|| UnitQuaternion::new_unchecked(-**rotation), || *rotation)
 }
 
 /// Returns a joint rotation from the paper's angles about Z, Y, X (rad): v_parent = Rx(-phi) Ry(-theta) Rz(-psi)
 /// v_child.
 ///
 /// The paper's angles follow MATLAB's passive convention, see model.md "Frames and rotations".
-pub fn joint_rotation<T: Real>(psi: T, theta: T, phi: T) -> UnitQuaternion<T> {
-    let half = T::of(-0.5);
+pub fn joint_rotation<T: Lanes>(psi: T, theta: T, phi: T) -> UnitQuaternion<T> {
+    let (zero, half) = (T::zero(), T::of(-0.5));
     let about = |angle: T| (angle * half).sine_cosine();
-    let (zero, (sx, cx), (sy, cy), (sz, cz)) = (T::zero(), about(phi), about(theta), about(psi));
-    let product = Quaternion::new(cx, sx, zero, zero)
-        * Quaternion::new(cy, zero, sy, zero)
-        * Quaternion::new(cz, zero, zero, sz);
-    UnitQuaternion::new_unchecked(product)
+    // Most joints of a pattern turn about one axis; a turn by zero changes no bit of the product.
+    let x = (phi != zero).then(|| about(phi));
+    let y = (theta != zero).then(|| about(theta));
+    let z = (psi != zero).then(|| about(psi));
+    let turns = [
+        x.map(|(sine, cosine)| Quaternion::new(cosine, sine, zero, zero)),
+        y.map(|(sine, cosine)| Quaternion::new(cosine, zero, sine, zero)),
+        z.map(|(sine, cosine)| Quaternion::new(cosine, zero, zero, sine)),
+    ];
+    let product = turns.into_iter().flatten().reduce(|turn, next| turn * next);
+    product.map_or_else(UnitQuaternion::identity, UnitQuaternion::new_unchecked)
 }
 
 /// The paper's angles psi, theta, phi about Z, Y, X (rad) of a joint rotation, the inverse of [`joint_rotation`].
@@ -182,7 +193,7 @@ pub fn joint_angles<T: Real>(rotation: &UnitQuaternion<T>) -> [T; 3] {
 
 /// Pose of one segment, in body axes with the origin at the pelvic joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PosedSegment<T: Real> {
+pub struct PosedSegment<T: Lanes> {
     /// Axes of the segment as columns (x, y, z).
     pub body_from_segment: Matrix3<T>,
     /// Position of the proximal joint (m).
@@ -192,7 +203,7 @@ pub struct PosedSegment<T: Real> {
 }
 
 /// Computes axes, joint and centre of gravity of every segment, paper eq. (chain).
-pub fn pose<T: Real>(body: &Body<T>, posture: &Posture<T>) -> SegmentArray<PosedSegment<T>> {
+pub fn pose<T: Lanes>(body: &Body<T>, posture: &Posture<T>) -> SegmentArray<PosedSegment<T>> {
     let mut posed = SegmentArray::from_fn(|_| PosedSegment {
         body_from_segment: Matrix3::identity(),
         joint: Vector3::zeros(),
@@ -222,7 +233,7 @@ pub fn pose<T: Real>(body: &Body<T>, posture: &Posture<T>) -> SegmentArray<Posed
 }
 
 /// Rotation matrix (direction cosines) of a unit quaternion.
-fn rotation_matrix<T: Real>(rotation: &UnitQuaternion<T>) -> Matrix3<T> {
+fn rotation_matrix<T: Lanes>(rotation: &UnitQuaternion<T>) -> Matrix3<T> {
     let (two, one) = (T::of(2.0), T::one());
     let (w, x, y, z) = (rotation.w, rotation.i, rotation.j, rotation.k);
     let (x2, y2, z2) = (x * two, y * two, z * two);

@@ -10,18 +10,18 @@ use crate::aerodynamics::compiled::Seen;
 use crate::aerodynamics::{Flow, Loads, damping_rate};
 use crate::axis::AxisCoefficients;
 use crate::frame::{Body, Vector};
-use crate::math::Real;
+use crate::math::Lanes;
 
 /// Loads of inputs of one, in body axes: the derivatives of the loads, which are linear in the inputs.
 #[derive(Debug, Clone, Copy)]
-pub struct UnitLoads<T: Real> {
+pub struct UnitLoads<T: Lanes> {
     /// Load of the muscle input of each axis.
     pub muscle: [MuscleLoad<T>; 3],
     /// Damping of an axis for a coefficient of one (N m s).
     pub damping: T,
 }
 
-impl<T: Real> UnitLoads<T> {
+impl<T: Lanes> UnitLoads<T> {
     /// Loads of the limb `groups` for the reciprocal lever arms of [`MuscleModel::levers`], and this damping.
     ///
     /// [`MuscleModel::levers`]: super::muscle_input::MuscleModel::levers
@@ -37,7 +37,7 @@ impl<T: Real> UnitLoads<T> {
 }
 
 /// A body during one time interval, in body axes.
-pub trait Interval<T: Real> {
+pub trait Interval<T: Lanes> {
     /// Mass (kg).
     fn mass(&self) -> T;
     /// Position of the centre of gravity (m).
@@ -90,7 +90,7 @@ pub trait Interval<T: Real> {
     }
 }
 
-impl<T: Real> Interval<T> for PostureSample<T> {
+impl<T: Lanes> Interval<T> for PostureSample<T> {
     #[inline]
     fn mass(&self) -> T {
         self.mass.mass
@@ -180,7 +180,7 @@ impl<T: Real> Interval<T> for PostureSample<T> {
     }
 }
 
-impl<T: Real> PostureSample<T> {
+impl<T: Lanes> PostureSample<T> {
     /// Loads of the air; `seen` receives the areas that it sees. Other arguments as for [`Interval::loads`].
     #[inline(always)]
     fn air_loads(
@@ -202,7 +202,7 @@ impl<T: Real> PostureSample<T> {
     }
 }
 
-impl<T: Real> State<T> {
+impl<T: Lanes> State<T> {
     /// Converts a motion in the posture of `sample` to a state.
     pub fn from_motion(motion: &Motion<T>, sample: &impl Interval<T>) -> Self {
         let to_inertial = motion.inertial_from_body;

@@ -10,7 +10,7 @@ use crate::aerodynamics::compiled::Seen;
 use crate::aerodynamics::{ExposedSegment, Flow};
 use crate::axis::AxisCoefficients;
 use crate::body::{Segment, SegmentArray};
-use crate::math::Real;
+use crate::math::Lanes;
 
 /// A set of segments.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -172,7 +172,7 @@ pub const MODELS: [(&str, MuscleModel); 5] = [
 
 /// Force and moment of muscle input, linear in the coefficients.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MuscleLoad<T: Real> {
+pub struct MuscleLoad<T: Lanes> {
     /// Force (N), body axes.
     pub force: Vector3<T>,
     /// Moment about the body origin (N m), body axes.
@@ -190,7 +190,7 @@ pub struct GroupMoments<T>(
     pub [T; GROUPS],
 );
 
-impl<T: Real> GroupMoments<T> {
+impl<T: Lanes> GroupMoments<T> {
     /// Sums over the limbs of each group. `M_atot` of a limb is its `r x F + M` (not a sum, see the list of misprints
     /// in model.md).
     ///
@@ -245,7 +245,7 @@ impl<T: Real> GroupMoments<T> {
 /// Muscle moment and force, paper eqs. (eq1) and (eq1_1), in body axes; `seen` holds the areas exposed to this flow,
 /// `height` is the stature (m).
 #[inline]
-pub fn muscle_load<T: Real>(
+pub fn muscle_load<T: Lanes>(
     model: &MuscleModel,
     input: &AxisCoefficients<T>,
     segments: &SegmentArray<ExposedSegment<T>>,
@@ -315,7 +315,7 @@ impl MuscleModel {
     /// Reciprocals of the lever arms l_1 to l_4 for a person of this stature (1/m), which convert moments to forces;
     /// zero if the model has no forces.
     #[inline]
-    pub fn levers<T: Real>(&self, height: T) -> [T; 4] {
+    pub fn levers<T: Lanes>(&self, height: T) -> [T; 4] {
         match self.forces {
             MuscleForces::Moment => [T::zero(); 4],
             MuscleForces::Paper => self
@@ -326,7 +326,7 @@ impl MuscleModel {
 
     /// Segments that contribute to the inputs that are not zero.
     #[inline]
-    fn acting<T: Real>(&self, input: &AxisCoefficients<T>) -> Limbs {
+    fn acting<T: Lanes>(&self, input: &AxisCoefficients<T>) -> Limbs {
         let yaw = self.upper_proximal.and(self.lower_proximal);
         let yaw = yaw.and(self.right_distal).and(self.left_distal);
         let parts = [

@@ -1,7 +1,7 @@
 //! Loads that the model does not account for, such as those caused by errors in the recorded posture.
 
 use crate::frame::{Body, Vector};
-use crate::math::Real;
+use crate::math::{Lanes, Real};
 
 /// A force at the centre of gravity and a moment about it, both divided by the dynamic pressure, in body axes.
 ///
@@ -9,14 +9,14 @@ use crate::math::Real;
 /// aerodynamic load, and changes slowly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
-pub struct ResidualLoad<T: Real> {
+pub struct ResidualLoad<T: Lanes> {
     /// Force divided by the dynamic pressure (N/Pa = m2).
     pub force: Vector<T, Body>,
     /// Moment divided by the dynamic pressure (N m/Pa = m3).
     pub moment: Vector<T, Body>,
 }
 
-impl<T: Real> ResidualLoad<T> {
+impl<T: Lanes> ResidualLoad<T> {
     /// No residual load.
     pub fn none() -> Self {
         Self {
@@ -32,7 +32,10 @@ impl<T: Real> ResidualLoad<T> {
     }
 
     /// Converts the load to another precision.
-    pub fn cast<U: Real>(&self) -> ResidualLoad<U> {
+    pub fn cast<U: Lanes>(&self) -> ResidualLoad<U>
+    where
+        T: Real,
+    {
         ResidualLoad {
             force: self.force.cast(),
             moment: self.moment.cast(),

@@ -11,12 +11,12 @@ use super::interval::Interval;
 use super::{Dynamics, Inputs, State};
 use crate::aerodynamics::Loads;
 use crate::frame::{Body as BodyFrame, Inertial, Rotation, RotationMatrix, Vector};
-use crate::math::{Real, renormalized, small_rotation, solve_symmetric};
+use crate::math::{Lanes, renormalized, small_rotation, solve_symmetric_or};
 
 /// Time step of simulation and filter (s), the sample interval of Xsens recordings.
 pub const TIME_STEP: f64 = 1.0 / 240.0;
 
-impl<T: Real> Dynamics<T> {
+impl<T: Lanes> Dynamics<T> {
     /// Force, moment and damping of a posed body, see [`Interval::loads`].
     #[inline]
     pub fn loads(
@@ -101,8 +101,11 @@ impl<T: Real> Dynamics<T> {
         let push = moment * duration;
         let implicit = *sample.inertia() + Matrix3::from_diagonal(&half_damping);
         let explicit = sample.inertia() * spin - spin.component_mul(&half_damping) + push;
-        let next_spin =
-            solve_symmetric(&implicit, &explicit.components).map_or(spin, Vector::from_components);
+        let next_spin = Vector::from_components(solve_symmetric_or(
+            &implicit,
+            &explicit.components,
+            &spin.components,
+        ));
         let mean_spin = (spin + next_spin) * T::of(0.5);
         let push = push - mean_spin.component_mul(&damping) * duration;
         let weight = -self.gravity * sample.mass();
@@ -122,7 +125,7 @@ impl<T: Real> Dynamics<T> {
 
 /// The motion at which a step evaluates the forces, in the body axes of the middle of its interval.
 #[derive(Debug, Clone, Copy)]
-pub struct Middle<T: Real> {
+pub struct Middle<T: Lanes> {
     /// Attitude.
     pub inertial_from_middle: RotationMatrix<T, Inertial, BodyFrame>,
     /// Velocity of the origin through the air (m/s).
@@ -133,7 +136,7 @@ pub struct Middle<T: Real> {
 
 /// Attitude after rotating at `angular_velocity` (rad/s) for `duration` (s), paper eq. (quat).
 #[inline]
-fn turned<T: Real>(
+fn turned<T: Lanes>(
     inertial_from_body: &Rotation<T, Inertial, BodyFrame>,
     angular_velocity: &Vector<T, BodyFrame>,
     duration: T,

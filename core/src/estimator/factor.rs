@@ -202,6 +202,7 @@ fn rotate<T: Real, const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Lanes;
     use nalgebra::{SMatrix, SVector};
     use proptest::prelude::*;
 

@@ -10,7 +10,7 @@ use super::unscented::{Root, Settings, SettingsError};
 use crate::dynamics::muscle_input::{
     BACK_TRACKING, BELLY_TRACKING, EXPERIENCED_BELLY_TURNS, LAYOUTS, MuscleModel, RW_SUIT_TURNS,
 };
-use crate::math::Real;
+use crate::math::{Lanes, Real};
 
 /// Sample rate of Xsens recordings (Hz).
 pub const SAMPLE_RATE: f32 = 240.0;

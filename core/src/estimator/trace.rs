@@ -18,7 +18,7 @@ use crate::dynamics::step::TIME_STEP;
 use crate::dynamics::{Dynamics, Motion, State};
 use crate::estimator::propagation::Propagation;
 use crate::frame::{Rotation, Vector};
-use crate::math::{Real, small_rotation};
+use crate::math::{Lanes, small_rotation};
 
 /// Offset and prime of the 64-bit Fowler-Noll-Vo hash (FNV-1a).
 const FNV: [u64; 2] = [0xcbf2_9ce4_8422_2325, 0x0000_0100_0000_01b3];

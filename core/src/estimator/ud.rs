@@ -243,6 +243,7 @@ impl<T: Real, const N: usize> Ud<T, N> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Lanes;
     use proptest::prelude::*;
 
     type Six = SMatrix<f64, 6, 6>;

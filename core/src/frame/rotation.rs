@@ -6,15 +6,15 @@ use core::ops::Mul;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
 
 use super::vector::Vector;
-use crate::math::{self, Real};
+use crate::math::{self, Lanes, Real};
 
 /// Rotation that converts components in `From` to components in `To`.
-pub struct Rotation<T: Real, To, From> {
+pub struct Rotation<T: Lanes, To, From> {
     quaternion: UnitQuaternion<T>,
     frames: PhantomData<fn(From) -> To>,
 }
 
-impl<T: Real, To, From> Rotation<T, To, From> {
+impl<T: Lanes, To, From> Rotation<T, To, From> {
     /// Returns the identity: both frames coincide.
     pub fn identity() -> Self {
         Self::from_quaternion(UnitQuaternion::identity())
@@ -30,7 +30,10 @@ impl<T: Real, To, From> Rotation<T, To, From> {
     }
 
     /// Creates a rotation from w, x, y, z of any norm; returns `None` if the norm is close to zero or not finite.
-    pub fn from_wxyz(wxyz: [T; 4]) -> Option<Self> {
+    pub fn from_wxyz(wxyz: [T; 4]) -> Option<Self>
+    where
+        T: Real,
+    {
         let quaternion = Quaternion::new(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
         let size = quaternion.coords.norm_squared();
         (size.is_finite() && size > T::of(1e-12))
@@ -54,14 +57,17 @@ impl<T: Real, To, From> Rotation<T, To, From> {
     }
 
     /// Converts the rotation to another precision.
-    pub fn cast<U: Real>(&self) -> Rotation<U, To, From> {
+    pub fn cast<U: Lanes>(&self) -> Rotation<U, To, From>
+    where
+        T: Real,
+    {
         Rotation::from_quaternion(math::normalized(
             self.quaternion.coords.map(|c| U::of(c.to_f64())).into(),
         ))
     }
 }
 
-impl<T: Real, To, From> Rotation<T, To, From> {
+impl<T: Lanes, To, From> Rotation<T, To, From> {
     /// Returns the same rotation as a matrix, which rotates several vectors faster.
     #[inline]
     pub fn to_matrix(&self) -> RotationMatrix<T, To, From> {
@@ -74,12 +80,12 @@ impl<T: Real, To, From> Rotation<T, To, From> {
 
 /// A [`Rotation`] in matrix form.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RotationMatrix<T: Real, To, From> {
+pub struct RotationMatrix<T: Lanes, To, From> {
     matrix: Matrix3<T>,
     frames: PhantomData<fn(From) -> To>,
 }
 
-impl<T: Real, To, From> RotationMatrix<T, To, From> {
+impl<T: Lanes, To, From> RotationMatrix<T, To, From> {
     /// Returns the matrix without its frames.
     #[inline]
     pub fn matrix(&self) -> &Matrix3<T> {
@@ -96,7 +102,7 @@ impl<T: Real, To, From> RotationMatrix<T, To, From> {
     }
 }
 
-impl<T: Real, To, From> Mul<Vector<T, From>> for &RotationMatrix<T, To, From> {
+impl<T: Lanes, To, From> Mul<Vector<T, From>> for &RotationMatrix<T, To, From> {
     type Output = Vector<T, To>;
     #[inline]
     fn mul(self, rhs: Vector<T, From>) -> Self::Output {
@@ -104,14 +110,14 @@ impl<T: Real, To, From> Mul<Vector<T, From>> for &RotationMatrix<T, To, From> {
     }
 }
 
-impl<T: Real, To, Via, From> Mul<Rotation<T, Via, From>> for Rotation<T, To, Via> {
+impl<T: Lanes, To, Via, From> Mul<Rotation<T, Via, From>> for Rotation<T, To, Via> {
     type Output = Rotation<T, To, From>;
     fn mul(self, rhs: Rotation<T, Via, From>) -> Self::Output {
         Rotation::from_quaternion(self.quaternion * rhs.quaternion)
     }
 }
 
-impl<T: Real, To, From> Mul<Vector<T, From>> for Rotation<T, To, From> {
+impl<T: Lanes, To, From> Mul<Vector<T, From>> for Rotation<T, To, From> {
     type Output = Vector<T, To>;
     fn mul(self, rhs: Vector<T, From>) -> Self::Output {
         Vector::from_components(self.quaternion * rhs.components)
@@ -119,18 +125,18 @@ impl<T: Real, To, From> Mul<Vector<T, From>> for Rotation<T, To, From> {
 }
 
 // Derived impls would require Copy, Debug and so on from the frame types.
-impl<T: Real, To, From> Clone for Rotation<T, To, From> {
+impl<T: Lanes, To, From> Clone for Rotation<T, To, From> {
     fn clone(&self) -> Self {
         *self
     }
 }
-impl<T: Real, To, From> Copy for Rotation<T, To, From> {}
-impl<T: Real, To, From> PartialEq for Rotation<T, To, From> {
+impl<T: Lanes, To, From> Copy for Rotation<T, To, From> {}
+impl<T: Lanes, To, From> PartialEq for Rotation<T, To, From> {
     fn eq(&self, other: &Self) -> bool {
         self.quaternion.coords == other.quaternion.coords
     }
 }
-impl<T: Real, To, From> core::fmt::Debug for Rotation<T, To, From> {
+impl<T: Lanes, To, From> core::fmt::Debug for Rotation<T, To, From> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         write!(f, "Rotation{:?}", self.wxyz())
     }

@@ -7,20 +7,20 @@ use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAss
 use nalgebra::{Matrix3, Vector3};
 
 use super::axes::Inertial;
-use crate::math::Real;
+use crate::math::{Lanes, Real};
 
 /// A vector given by its components in frame `F`.
 ///
 /// Vectors of one frame can be added, scaled and multiplied with each other; vectors of different frames must first be
 /// brought to a common frame by a [`Rotation`](super::Rotation). Every operation is nalgebra's on the components, bit
 /// for bit.
-pub struct Vector<T: Real, F> {
+pub struct Vector<T: Lanes, F> {
     /// Components along the axes of `F`, for code that does not use frame types, such as files and matrices.
     pub components: Vector3<T>,
     frame: PhantomData<fn() -> F>,
 }
 
-impl<T: Real, F> Vector<T, F> {
+impl<T: Lanes, F> Vector<T, F> {
     /// Creates a vector from components along the axes of `F`.
     #[inline]
     pub fn new(x: T, y: T, z: T) -> Self {
@@ -110,17 +110,23 @@ impl<T: Real, F> Vector<T, F> {
 
     /// Returns whether every component is finite.
     #[inline]
-    pub fn is_finite(&self) -> bool {
+    pub fn is_finite(&self) -> bool
+    where
+        T: Real,
+    {
         self.components.iter().all(|c| c.is_finite())
     }
 
     /// Converts the vector to another precision.
-    pub fn cast<U: Real>(&self) -> Vector<U, F> {
+    pub fn cast<U: Lanes>(&self) -> Vector<U, F>
+    where
+        T: Real,
+    {
         Vector::from_components(self.components.map(|c| U::of(c.to_f64())))
     }
 }
 
-impl<T: Real> Vector<T, Inertial> {
+impl<T: Lanes> Vector<T, Inertial> {
     /// Northward component.
     #[inline]
     pub fn north(&self) -> T {
@@ -140,13 +146,13 @@ impl<T: Real> Vector<T, Inertial> {
     }
 }
 
-impl<T: Real, F> From<[T; 3]> for Vector<T, F> {
+impl<T: Lanes, F> From<[T; 3]> for Vector<T, F> {
     fn from(components: [T; 3]) -> Self {
         Self::from_components(components.into())
     }
 }
 
-impl<T: Real, F> Add for Vector<T, F> {
+impl<T: Lanes, F> Add for Vector<T, F> {
     type Output = Self;
     #[inline]
     fn add(self, rhs: Self) -> Self {
@@ -154,7 +160,7 @@ impl<T: Real, F> Add for Vector<T, F> {
     }
 }
 
-impl<T: Real, F> Sub for Vector<T, F> {
+impl<T: Lanes, F> Sub for Vector<T, F> {
     type Output = Self;
     #[inline]
     fn sub(self, rhs: Self) -> Self {
@@ -162,7 +168,7 @@ impl<T: Real, F> Sub for Vector<T, F> {
     }
 }
 
-impl<T: Real, F> Neg for Vector<T, F> {
+impl<T: Lanes, F> Neg for Vector<T, F> {
     type Output = Self;
     #[inline]
     fn neg(self) -> Self {
@@ -170,7 +176,7 @@ impl<T: Real, F> Neg for Vector<T, F> {
     }
 }
 
-impl<T: Real, F> Mul<T> for Vector<T, F> {
+impl<T: Lanes, F> Mul<T> for Vector<T, F> {
     type Output = Self;
     #[inline]
     fn mul(self, rhs: T) -> Self {
@@ -178,7 +184,7 @@ impl<T: Real, F> Mul<T> for Vector<T, F> {
     }
 }
 
-impl<T: Real, F> Div<T> for Vector<T, F> {
+impl<T: Lanes, F> Div<T> for Vector<T, F> {
     type Output = Self;
     #[inline]
     fn div(self, rhs: T) -> Self {
@@ -186,42 +192,42 @@ impl<T: Real, F> Div<T> for Vector<T, F> {
     }
 }
 
-impl<T: Real, F> AddAssign for Vector<T, F> {
+impl<T: Lanes, F> AddAssign for Vector<T, F> {
     #[inline]
     fn add_assign(&mut self, rhs: Self) {
         self.components += rhs.components;
     }
 }
 
-impl<T: Real, F> SubAssign for Vector<T, F> {
+impl<T: Lanes, F> SubAssign for Vector<T, F> {
     #[inline]
     fn sub_assign(&mut self, rhs: Self) {
         self.components -= rhs.components;
     }
 }
 
-impl<T: Real, F> MulAssign<T> for Vector<T, F> {
+impl<T: Lanes, F> MulAssign<T> for Vector<T, F> {
     #[inline]
     fn mul_assign(&mut self, rhs: T) {
         self.components *= rhs;
     }
 }
 
-impl<T: Real, F> DivAssign<T> for Vector<T, F> {
+impl<T: Lanes, F> DivAssign<T> for Vector<T, F> {
     #[inline]
     fn div_assign(&mut self, rhs: T) {
         self.components /= rhs;
     }
 }
 
-impl<T: Real, F> Sum for Vector<T, F> {
+impl<T: Lanes, F> Sum for Vector<T, F> {
     fn sum<I: Iterator<Item = Self>>(vectors: I) -> Self {
         vectors.fold(Self::zero(), |sum, vector| sum + vector)
     }
 }
 
 /// Product with a tensor given along the axes of the same frame.
-impl<T: Real, F> Mul<Vector<T, F>> for &Matrix3<T> {
+impl<T: Lanes, F> Mul<Vector<T, F>> for &Matrix3<T> {
     type Output = Vector<T, F>;
     #[inline]
     fn mul(self, rhs: Vector<T, F>) -> Self::Output {
@@ -230,18 +236,18 @@ impl<T: Real, F> Mul<Vector<T, F>> for &Matrix3<T> {
 }
 
 // Derived impls would require Copy, Debug and so on from the frame types.
-impl<T: Real, F> Clone for Vector<T, F> {
+impl<T: Lanes, F> Clone for Vector<T, F> {
     fn clone(&self) -> Self {
         *self
     }
 }
-impl<T: Real, F> Copy for Vector<T, F> {}
-impl<T: Real, F> PartialEq for Vector<T, F> {
+impl<T: Lanes, F> Copy for Vector<T, F> {}
+impl<T: Lanes, F> PartialEq for Vector<T, F> {
     fn eq(&self, other: &Self) -> bool {
         self.components == other.components
     }
 }
-impl<T: Real, F> core::fmt::Debug for Vector<T, F> {
+impl<T: Lanes, F> core::fmt::Debug for Vector<T, F> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let c = &self.components;
         write!(f, "Vector[{:?}, {:?}, {:?}]", c.x, c.y, c.z)

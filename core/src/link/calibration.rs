@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::packed_quaternion::{PackedQuaternion, whole};
 use super::wire::{body, code};
 use crate::body::{SEGMENT_COUNT, Segment, SegmentArray};
-use crate::math::Real;
+use crate::math::Lanes;
 use crate::suit::mounting::Mounting;
 use crate::suit::set::Fitted;
 use crate::suit::tray::Gyroscope;

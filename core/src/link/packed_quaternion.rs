@@ -3,7 +3,7 @@
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use super::wire::{BadValue, Reader, Wire, Writer};
-use crate::math::{self, Real};
+use crate::math::{self, Lanes};
 
 /// Counts for 1/sqrt(2), the largest magnitude that any component but the largest can have.
 const COMPONENT_COUNTS: i32 = 16_383;

@@ -234,6 +234,7 @@ fn any_across<T: Real>(axis: &Vector3<T>) -> Vector3<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Lanes;
 
     /// Stances of a sensor that lies on the segment like `mounted`, if the segment leans by `bend` and swings with this
     /// amplitude about the left axis to one side.

@@ -103,6 +103,7 @@ impl<T: Real> Rest<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Lanes;
 
     #[test]
     fn bias_and_up_are_those_at_rest_and_motion_is_no_rest() {

@@ -76,6 +76,7 @@ impl<T: Real> Strapdown<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Lanes;
     use proptest::prelude::*;
 
     /// Error after 10 s of coning, whose axis moves around a cone, at `rate_hz`, in both precisions.

@@ -25,7 +25,7 @@ use bodyflight_core::estimator::propagation::Propagation;
 use bodyflight_core::estimator::reduced::Reduced;
 use bodyflight_core::estimator::{Estimator, trace};
 use bodyflight_core::frame::{Rotation, Vector};
-use bodyflight_core::math::{Real, small_rotation};
+use bodyflight_core::math::{Lanes, small_rotation};
 use bodyflight_core::suit::mounting::Mounting;
 use bodyflight_core::suit::placement::of_size;
 use bodyflight_core::suit::set::{Fitted, Suit};

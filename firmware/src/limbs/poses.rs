@@ -10,7 +10,7 @@ use bodyflight_core::suit::mounting::{March, MountingError, Stances, fit};
 use bodyflight_core::suit::rest::Rest;
 use bodyflight_core::suit::set::Fitted;
 use bodyflight_core::suit::tray::{Gyroscope, Turns};
-use bodyflight_core::{Body, Real, Segment};
+use bodyflight_core::{Body, Lanes, Segment};
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// Length of the pieces that are judged (s), shortest rest (s), and shortest rest in a tray (s).

@@ -5,7 +5,7 @@
 //! the integral has that of gravity in it, and its heading where the velocity changes horizontally, as after the exit and in
 //! turns. As long as the heading is unknown, only a straight path tells the tilt.
 
-use bodyflight_core::Real;
+use bodyflight_core::Lanes;
 use bodyflight_core::math::normalized;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 

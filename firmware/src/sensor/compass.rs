@@ -9,7 +9,7 @@
 
 use core::f32::consts::PI;
 
-use bodyflight_core::Real;
+use bodyflight_core::Lanes;
 use nalgebra::Vector3;
 
 /// Error of the field's direction, which changes with the attitude in it (rad): iron worn on the body, and what is left of

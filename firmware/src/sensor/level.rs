@@ -7,7 +7,7 @@
 //! ([`super::compass`]) or, without that too, relative: it is zero where the sensor was level first. With a receiver it is
 //! unknown until it has been found, and the attitude is no measurement as long as it is not.
 
-use bodyflight_core::Real;
+use bodyflight_core::Lanes;
 use bodyflight_core::math::{normalized, small_rotation};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 

@@ -1,6 +1,6 @@
 //! The content of a sensor's packet that the unit uses.
 
-use bodyflight_core::math::{Real, normalized};
+use bodyflight_core::math::{Lanes, normalized};
 use bodyflight_core::xbus::{CoordinateSystem, Item, Packet, Reals};
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 

@@ -10,6 +10,7 @@ use crate::body::pattern;
 use crate::dynamics::Inputs;
 use crate::dynamics::free_run::{Equations, FreeRun};
 use crate::frame::Rotation;
+use crate::math::Lanes;
 use crate::test_body::reference_body;
 
 const NONE: [Option<Factor<f64>>; FACTORS] = [None; FACTORS];

@@ -12,7 +12,7 @@ use super::settings::MotionPreset;
 use super::state::{Difference, INPUT_STATES, MOTION_STATES, STATES, VELOCITY};
 use super::transition::MotionSlope;
 use crate::estimator::ud::{Seen, Ud};
-use crate::math::Real;
+use crate::math::{Lanes, Real};
 
 /// Number of constants: wind to the north and west (m/s), gyroscope bias about each body axis (rad/s).
 pub const CONSTANTS: usize = 5;
@@ -80,7 +80,7 @@ impl<T: Real> Constants<T> {
 
     /// Standard deviations of the constants; zero for those that are not estimated.
     pub fn deviations(&self) -> Constant<T> {
-        let variances = self.factors.variances().map(Real::root);
+        let variances = self.factors.variances().map(Lanes::root);
         SVector::from_fn(|k, _| {
             if self.awake[usize::from(k >= BIAS)] {
                 variances[k]

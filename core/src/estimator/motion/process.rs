@@ -8,7 +8,7 @@ use super::state::{
     DAMPING, INPUT_STATES, MUSCLE, RESIDUAL_FORCE, RESIDUAL_MOMENT, SPIN, STATES, VELOCITY,
 };
 use crate::estimator::unscented::SettingsError;
-use crate::math::Real;
+use crate::math::{Lanes, Real};
 
 /// Assumed share of time in which muscles act deliberately.
 const ON_PURPOSE: f64 = 0.25;
@@ -207,7 +207,7 @@ impl<T: Real> Process<T> {
                 variance[MUSCLE + axis] += T::of(UNKNOWN_POSTURE * UNKNOWN_POSTURE);
             }
         }
-        variance.map(Real::root)
+        variance.map(Lanes::root)
     }
 
     /// Returns the variance of deliberate muscle input that goes unnoticed about an axis with this `activity` (0 to

@@ -2,7 +2,7 @@
 
 use super::measurement::Noise;
 use crate::estimator::preset::SAMPLE_RATE;
-use crate::math::Real;
+use crate::math::{Lanes, Real};
 
 /// How the model's derivatives are taken with respect to velocity and angular velocity, in which it is not linear; in all
 /// other coordinates it is, or they follow from these.

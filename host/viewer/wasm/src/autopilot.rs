@@ -9,7 +9,7 @@ use bodyflight_core::body::pattern::{self, JointAngles};
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::dynamics::equations_of_motion::LowPass;
 use bodyflight_core::frame::{Body, Inertial, Rotation, Vector};
-use bodyflight_core::math::Real;
+use bodyflight_core::math::Lanes;
 use nalgebra::Vector3;
 
 /// Largest amplitude of a pattern (rad).
