@@ -1,6 +1,11 @@
 //! Postures from raw sensors on the limbs, against the truth of simulated falls and of recordings.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
+#[path = "suit/faults.rs"]
+mod faults;
+#[path = "suit/recorded.rs"]
+mod recorded;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -251,46 +256,6 @@ fn missing_segments_of_real_postures_are_as_uncertain_as_stated() {
             set.len()
         );
     }
-}
-
-#[test]
-fn faults_of_a_sensor_are_named() {
-    let mut frames = flown("rotations", 4);
-    frames.retain(|frame| frame.time < 14.0);
-    for (segment, fault, part) in [
-        (
-            Segment::RightShank,
-            Fault::Dead(5.0),
-            "r_shank sends nothing new",
-        ),
-        (
-            Segment::LeftThigh,
-            Fault::Slipped(3.0, 1.2),
-            "l_thigh feels another force",
-        ),
-    ] {
-        let (worn, _) = followed(&frames, 10, 4, Some((segment, fault)));
-        assert_eq!(worn.doubts.len(), 1, "{:?}", worn.doubts);
-        assert!(worn.doubts[0].contains(part), "{:?}", worn.doubts);
-        let last = &worn.frames.last().expect("frames").1;
-        assert!(
-            !last.orientations[segment].is_measured,
-            "it follows the rule"
-        );
-    }
-    let saturated = Some((Segment::Pelvis, Fault::Saturated(60.0_f64.to_radians())));
-    let streams = streams(&frames, 10, 4, saturated);
-    let file = "file = \"pelvis.csv\"\n";
-    let mapping = streams
-        .mapping()
-        .replace(file, &format!("{file}range_dps = 60\n"));
-    let doubts = read(&streams, &mapping).expect("a calibrated set").doubts;
-    assert!(
-        doubts
-            .iter()
-            .any(|doubt| doubt.contains("pelvis reached the end")),
-        "{doubts:?}"
-    );
 }
 
 /// A calibration that was not given is found; a bend that is missing, and a person who moves, are refused.

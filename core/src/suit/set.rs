@@ -7,7 +7,7 @@ use super::relative::{Comparison, Errors, Relative};
 pub use super::sensor::Fitted;
 use super::sensor::{Sensor, in_axes, link, matrix};
 use super::strapdown::{LONGEST_INTERVAL, Reading, Strapdown};
-use super::watch::Fault;
+use super::watch::{Fault, Watch};
 use crate::air::STANDARD_GRAVITY;
 use crate::body::posture::Posture;
 use crate::body::{Body, Segment, SegmentArray};
@@ -47,7 +47,7 @@ pub enum SetError {
 /// A set of up to `N` sensors.
 #[derive(Debug, Clone)]
 pub struct Suit<T: Real, const N: usize> {
-    sensors: heapless::Vec<Sensor<T>, N>,
+    pub(super) sensors: heapless::Vec<Sensor<T>, N>,
     relative: Relative<T, N>,
     window: T,
     turning: T,
@@ -253,7 +253,26 @@ impl<T: Real, const N: usize> Suit<T, N> {
         self.correct(errors);
         if let Some(sensor) = self.sensors.get_mut(index) {
             sensor.watch.mismatched(mismatch, window);
+            let [sum, time] = &mut sensor.misfit;
+            *sum += Watch::counted(mismatch) * window;
+            *time += window;
         }
+    }
+
+    /// The segments with a sensor, in the order of the sensors.
+    pub fn segments(&self) -> impl Iterator<Item = Segment> {
+        self.sensors.iter().map(|sensor| sensor.fitted.segment)
+    }
+
+    /// Mean mismatch of neighbours since the first pose (1 is expected of the worst that is allowed for): it is least if
+    /// every sensor is where it is said to be. `None` before the first comparison.
+    pub fn misfit(&self) -> Option<T> {
+        let (mut sum, mut time) = (T::zero(), T::zero());
+        for sensor in &self.sensors {
+            sum += sensor.misfit[0];
+            time += sensor.misfit[1];
+        }
+        (time > T::zero()).then(|| sum / time)
     }
 
     /// Compares the turns of the whole body, once it has turned about itself.

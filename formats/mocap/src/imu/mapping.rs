@@ -14,6 +14,8 @@ use serde::Deserialize;
 pub const KIND: &str = "imu";
 /// Longest recording (s).
 const LONGEST: f64 = 1e5;
+/// Largest delay of a clock (s).
+const LATEST: f64 = 1e5;
 
 /// A mapping as written in the file.
 #[derive(Debug, Clone, Deserialize)]
@@ -43,6 +45,8 @@ pub struct ImuMapping {
 pub struct Columns {
     /// Time of the sample, or a counter.
     pub time: Option<String>,
+    /// Column with the number of the sample, for files whose column of times is empty; it needs a rate.
+    pub counter: Option<String>,
     /// Length of one unit of the time (s).
     #[serde(default = "one")]
     pub time_unit_s: f64,
@@ -148,6 +152,9 @@ pub struct SensorRow {
     pub place_m: Option<[f64; 3]>,
     /// Largest angular velocity that it can read (deg/s).
     pub range_dps: Option<f64>,
+    /// How late its clock is (s): taken from its times.
+    #[serde(default)]
+    pub late_s: f64,
 }
 
 /// Columns and units of programs that export raw data.
@@ -164,6 +171,7 @@ fn columns_of(format: &str) -> Option<Columns> {
     let three = |name: &str| ["X", "Y", "Z"].map(|axis| format!("{name}_{axis}"));
     Some(Columns {
         time: Some("SampleTimeFine".to_owned()),
+        counter: Some("PacketCounter".to_owned()),
         time_unit_s: tick,
         angular_velocity: three("Gyr"),
         angular_velocity_unit: unit,
@@ -281,6 +289,11 @@ impl ImuMapping {
                 let message = format!("expected three numbers within 1 m, found {place:?}");
                 return Err(Problem::bad_input(message)
                     .at(format!("field sensors.{}.place_m", segment.name())));
+            }
+            if row.late_s.is_nan() || row.late_s.abs() > LATEST {
+                let message = format!("expected within {LATEST} s, found {}", row.late_s);
+                return Err(Problem::bad_input(message)
+                    .at(format!("field sensors.{}.late_s", segment.name())));
             }
             if let Some(range) = row.range_dps {
                 positive(&format!("sensors.{}.range_dps", segment.name()), range, 1e5)?;
