@@ -1,6 +1,8 @@
 //! Postures from raw sensors on the limbs, against the truth of simulated falls and of recordings.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
+#[path = "suit/bars.rs"]
+mod bars;
 #[path = "suit/faults.rs"]
 mod faults;
 #[path = "suit/recorded.rs"]
@@ -314,40 +316,4 @@ fn calibrations_are_found_or_refused() {
             "{name}: {said}"
         );
     }
-}
-
-/// Recomputes the table of docs/suit.md: direction, and stated deviation as a share of the actual one.
-#[test]
-#[ignore = "takes minutes; run it after a change of the suit, and copy what it prints"]
-fn the_table_of_the_documentation_is_as_measured() {
-    let mut table = String::new();
-    for name in [
-        "rotations",
-        "transitions",
-        "exit-and-tracking",
-        "aggressive-turns",
-        "layouts",
-        "back-loop",
-    ] {
-        table += &format!("| {name} |");
-        for count in [16, 13, 10, 8, 5] {
-            let (mut directions, mut actual, mut stated) = (Vec::new(), Vec::new(), Vec::new());
-            for seed in 1..=3 {
-                let (_, found) = followed(&flown(name, seed), count, seed, None);
-                directions.push(found.direction);
-                for segment in of_size(count).expect("a set").iter().skip(1) {
-                    actual.push(found.actual[segment]);
-                    stated.push(found.stated[segment]);
-                }
-            }
-            let ratio = root(stated.into_iter()) / root(actual.into_iter());
-            table += &format!(" {:.0}, {ratio:.1} |", root(directions.into_iter()));
-        }
-        table += "\n";
-    }
-    let docs = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/suit.md"));
-    assert!(
-        docs.expect("the page").contains(&table),
-        "measured:\n{table}"
-    );
 }

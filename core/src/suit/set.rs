@@ -28,8 +28,10 @@ const JOINT: f64 = 0.6;
 const REST: [f64; 3] = [0.2, 0.4, 0.7];
 /// Noise of a gyroscope (rad/s per root Hz).
 const NOISE: f64 = 0.000_17;
-/// Standard deviation of a segment relative to its sensor, each axis: soft tissue, and axes that are no hinges (rad).
-const TISSUE: f64 = 0.05;
+/// Standard deviation of a segment relative to its sensor, each axis: soft tissue, and axes that are no hinges (rad). On the
+/// trunk sensors lie on bones.
+const TISSUE: f64 = 0.03;
+const BONE: f64 = 0.01;
 /// Error of the first attitude's tilt (rad).
 const TILT: f64 = 0.01;
 
@@ -74,6 +76,15 @@ impl<T: Real> SuitPosture<T> {
     pub fn posture(&self) -> Posture<T> {
         Posture::from_body_rotations(&self.orientations.map(|_, o| o.body_from_segment))
     }
+}
+
+/// Variance of a segment relative to the pelvis by what lies between them and their sensors, each axis (rad2).
+const fn tissue(segment: Segment) -> f64 {
+    let own = match segment {
+        Segment::Pelvis | Segment::Abdomen | Segment::Thorax | Segment::Head => BONE,
+        _ => TISSUE,
+    };
+    own * own + BONE * BONE
 }
 
 impl<T: Real, const N: usize> Suit<T, N> {
@@ -347,7 +358,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
             let covariance = self
                 .relative
                 .between((index, &of_segment), (root, &of_body));
-            let tissue = Matrix3::from_diagonal_element(T::of(2.0 * TISSUE * TISSUE));
+            let tissue = Matrix3::from_diagonal_element(T::of(tissue(sensor.fitted.segment)));
             measured[sensor.fitted.segment] = Some(Orientation {
                 body_from_segment: normalized(
                     body_from_reference.into_inner() * reference_from_segment.into_inner(),

@@ -125,9 +125,21 @@ impl Doubts {
         }
     }
 
+    /// Joints beyond their range. A sensor that is part of two of them is the one that moved.
     pub(super) fn bent(&mut self, found: &[Bent]) {
+        let joints_of = |segment: &Segment| {
+            let has_part = |bent: &&Bent| bent.segments.contains(segment);
+            found.iter().filter(has_part).count()
+        };
         for Bent { segments, begin_s } in found {
             if segments.iter().any(|segment| self.concerns(*segment)) {
+                continue;
+            }
+            if let Some(segment) = segments.iter().find(|segment| joints_of(segment) > 1) {
+                let name = segment.name();
+                self.add(&[*segment], format!(
+                    "from {begin_s:.1} s of the flight on, {name} is turned to its neighbours as none is: its sensor slipped, or was turned after the calibration; fasten it and calibrate again"
+                ));
                 continue;
             }
             let [one, other] = segments.map(Segment::name);

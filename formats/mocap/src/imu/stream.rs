@@ -4,8 +4,9 @@ use std::path::Path;
 
 use bodyflight_core::suit::strapdown::Reading;
 use bodyflight_io::diagnostic::{Problem, Result};
-use nalgebra::Vector3;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
+use super::fused::{Turning, with_gravity};
 use super::mapping::Columns;
 use crate::table::Table;
 
@@ -43,13 +44,16 @@ pub struct Stream {
 /// Where the numbers of a table are.
 struct Places {
     time: Option<usize>,
-    rate: [usize; 3],
+    rate: Option<[usize; 3]>,
+    turn: Option<[usize; 4]>,
     force: [usize; 3],
+    /// Whether the force is without gravity and in level axes.
+    is_free: bool,
 }
 
 /// Reads a table whose names may follow lines of description.
 pub(super) fn table(text: &str, columns: &Columns, prefix: &str) -> Result<Table> {
-    let first = format!("{prefix}{}", columns.angular_velocity[0]);
+    let first = format!("{prefix}{}", columns.first());
     let is_head = |line: &str| {
         line.split([',', ';', '\t'])
             .any(|cell| cell.trim().trim_matches('"') == first)
@@ -83,6 +87,13 @@ impl Stream {
             let [x, y, z] = names;
             Ok([named(x)?, named(y)?, named(z)?])
         };
+        let turn = match &columns.orientation {
+            Some([w, x, y, z]) => Some([named(w)?, named(x)?, named(y)?, named(z)?]),
+            None => None,
+        };
+        let forces = columns.specific_force.as_ref();
+        let forces = forces.or(columns.free_acceleration.as_ref());
+        let forces = forces.ok_or_else(|| Problem::bad_input("expected specific_force"))?;
         let either = |name: &String| named(name).or_else(|_| table.column(name));
         let filled =
             |column: &usize| (0..table.rows()).any(|row| table.value(row, *column).is_finite());
@@ -105,20 +116,42 @@ impl Stream {
         };
         let places = Places {
             time,
-            rate: three(&columns.angular_velocity)?,
-            force: three(&columns.specific_force)?,
+            rate: columns.angular_velocity.as_ref().map(three).transpose()?,
+            turn,
+            force: three(forces)?,
+            is_free: columns.specific_force.is_none(),
         };
         let (mut times, mut readings) = (Vec::new(), Vec::new());
         let mut clock = Clock::default();
+        let mut turning = Turning::default();
         for row in 0..table.rows() {
             let vector = |at: [usize; 3]| Vector3::from(at.map(|column| table.value(row, column)));
             let time = match places.time {
                 Some(column) => clock.risen(table.value(row, column)) * unit_s,
                 None => row as f64 * unit_s,
             };
+            let turn = places
+                .turn
+                .map(|turn| turn.map(|column| table.value(row, column)));
+            let turn = turn
+                .map(|[w, x, y, z]| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)));
+            let unit = columns.angular_velocity_unit.radians();
+            let rate = match (places.rate, turn) {
+                (Some(rate), _) => vector(rate) * unit,
+                // Nothing is known of the first.
+                (None, Some(turn)) => {
+                    (turning.rate(time, &turn)).unwrap_or(Vector3::repeat(f64::NAN))
+                }
+                (None, None) => Vector3::repeat(f64::NAN),
+            };
+            let force = vector(places.force) * columns.specific_force_unit.metres();
+            let force = match turn.filter(|_| places.is_free) {
+                Some(turn) => with_gravity(&turn, &force),
+                None => force,
+            };
             let reading = Reading {
-                angular_velocity: vector(places.rate) * columns.angular_velocity_unit.radians(),
-                specific_force: vector(places.force) * columns.specific_force_unit.metres(),
+                angular_velocity: rate,
+                specific_force: force,
             };
             // Rows with an empty cell are lost samples.
             if !reading.is_finite() || !time.is_finite() {
@@ -312,6 +345,8 @@ impl Clock {
 
 #[cfg(test)]
 mod tests {
+    use bodyflight_core::air::STANDARD_GRAVITY;
+
     use super::super::mapping::ImuMapping;
     use super::*;
 
@@ -372,6 +407,32 @@ mod tests {
         assert!((stream.lost - 1.0 / 299.0).abs() < 1e-4, "{}", stream.lost);
         let said = Stream::of(&table, &columns, "", None).unwrap_err();
         assert!(said.to_string().contains("no rate"), "{said}");
+    }
+
+    /// What a sensor's own fusion made of its readings becomes readings again.
+    #[test]
+    fn rates_and_forces_follow_from_orientations_and_free_accelerations() {
+        let mut text =
+            "PacketCounter,SampleTimeFine,Quat_W,Quat_X,Quat_Y,Quat_Z,FreeAcc_X,FreeAcc_Y,FreeAcc_Z\n"
+                .to_owned();
+        // It leans forwards about X at 1 rad/s, and is pushed to the north.
+        for k in 0..200_u32 {
+            let half = 0.5 * f64::from(k) / 100.0;
+            let (sine, cosine) = half.sin_cos();
+            text += &format!("{k},{},{cosine},{sine},0,0,2,0,0\n", 10_000 * k);
+        }
+        let columns = columns("dot-fused");
+        let table = table(&text, &columns, "").unwrap();
+        let stream = Stream::of(&table, &columns, "", None).unwrap();
+        assert!((stream.rate_hz - 100.0).abs() < 1e-6);
+        let reading = stream.at(1.0 + 1e-9).unwrap();
+        assert!((reading.angular_velocity - Vector3::x()).norm() < 1e-6);
+        let (sine, cosine) = 1.0_f64.sin_cos();
+        let force = Vector3::new(2.0, STANDARD_GRAVITY * sine, STANDARD_GRAVITY * cosine);
+        assert!(
+            (reading.specific_force - force).norm() < 1e-6,
+            "{reading:?}"
+        );
     }
 
     #[test]

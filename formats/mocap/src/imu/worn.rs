@@ -14,6 +14,7 @@ use super::clocks;
 use super::doubts::Doubts;
 use super::exchange::Calibration;
 use super::mapping::ImuMapping;
+use super::mvnx;
 use super::stream::{self, Stream};
 use super::windows::completed;
 
@@ -50,6 +51,13 @@ pub struct Worn {
 /// # Errors
 /// Returns an error if a file cannot be read, or does not follow the mapping.
 pub fn sensors(mapping: &ImuMapping, path: &Path) -> Result<Vec<(Segment, Stream)>> {
+    if mapping.is_mvnx() {
+        let rows = mapping.rows()?;
+        let streams = mvnx::streams(path, &rows)?.into_iter().zip(rows);
+        let earlier =
+            streams.map(|((segment, stream), (_, row))| (segment, stream.earlier(row.late_s)));
+        return Ok(earlier.collect());
+    }
     let columns = mapping.columns()?;
     let mut found = Vec::new();
     for (segment, row) in mapping.rows()? {
