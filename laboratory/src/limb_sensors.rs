@@ -22,7 +22,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 
 use errors::SensorErrors;
-pub use errors::Sizes;
+pub use errors::{Row, Sizes};
 pub use fault::Fault;
 use ground::Ground;
 use instant::Instant;
@@ -92,9 +92,6 @@ impl Limbs {
         Ok(())
     }
 }
-
-/// One sample: its time by the sensor's clock (s), angular velocity (rad/s), and specific force (m/s2).
-pub type Row = (f64, Vector3<f64>, Vector3<f64>);
 
 /// The readings of all sensors, and when the flight begins by the first clock (s).
 #[derive(Debug, Clone, PartialEq)]

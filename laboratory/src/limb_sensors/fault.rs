@@ -5,7 +5,7 @@ use bodyflight_core::math::rotation_by;
 use bodyflight_io::diagnostic::{Problem, Result};
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::Row;
+use super::errors::Row;
 
 /// A fault of one sensor. Times are those of the flight (s); they are negative before it.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -32,6 +32,17 @@ pub(super) struct Calibrated {
     pub(super) notes: Vec<String>,
 }
 
+impl Calibrated {
+    /// Place of the sensor on the pelvis, in its frame (m).
+    pub(super) fn pelvis_place(&self) -> Vector3<f64> {
+        let pelvis = self
+            .fitted
+            .iter()
+            .find(|fitted| fitted.segment == Segment::Pelvis);
+        pelvis.map_or_else(Vector3::zeros, |fitted| fitted.place)
+    }
+}
+
 /// Calibrates all sensors.
 ///
 /// # Errors

@@ -68,6 +68,17 @@ impl Doubts {
         }
     }
 
+    /// What the readings of the flight show by themselves.
+    pub(super) fn read(
+        &mut self,
+        mapping: &ImuMapping,
+        sensors: &[(Segment, &Stream)],
+        flight: [f64; 2],
+    ) {
+        self.clipped(mapping, sensors, flight);
+        self.lost(sensors, flight);
+    }
+
     pub(super) fn failed(&mut self, found: impl Iterator<Item = (Segment, Fault)>) {
         for (segment, fault) in found {
             let name = segment.name();
@@ -86,7 +97,7 @@ impl Doubts {
     }
 
     /// Gaps in the flight after which a direction is not known.
-    pub(super) fn lost(&mut self, sensors: &[(Segment, &Stream)], [from, to]: [f64; 2]) {
+    fn lost(&mut self, sensors: &[(Segment, &Stream)], [from, to]: [f64; 2]) {
         for (segment, stream) in sensors {
             let within = |gap: &&[f64; 2]| gap[0] + gap[1] > from && gap[0] < to;
             let longest = stream
@@ -105,12 +116,7 @@ impl Doubts {
     }
 
     /// Rates that are cut off, if the range is not given.
-    pub(super) fn clipped(
-        &mut self,
-        mapping: &ImuMapping,
-        sensors: &[(Segment, &Stream)],
-        flight: [f64; 2],
-    ) {
+    fn clipped(&mut self, mapping: &ImuMapping, sensors: &[(Segment, &Stream)], flight: [f64; 2]) {
         for (segment, stream) in sensors {
             let row = mapping.sensors.get(segment.name());
             let is_given = row.is_some_and(|row| row.range_dps.is_some());

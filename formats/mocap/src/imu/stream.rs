@@ -49,6 +49,84 @@ struct Places {
     force: [usize; 3],
     /// Whether the force is without gravity and in level axes.
     is_free: bool,
+    /// Length of one unit of the time, or of one row (s).
+    unit_s: f64,
+    /// Units of rate (rad/s) and force (m/s2).
+    units: [f64; 2],
+}
+
+impl Places {
+    fn of(table: &Table, columns: &Columns, prefix: &str, rate_hz: Option<f64>) -> Result<Self> {
+        let named = |name: &String| table.column(&format!("{prefix}{name}"));
+        let three = |names: &[String; 3]| -> Result<[usize; 3]> {
+            let [x, y, z] = names;
+            Ok([named(x)?, named(y)?, named(z)?])
+        };
+        let turn = match &columns.orientation {
+            Some([w, x, y, z]) => Some([named(w)?, named(x)?, named(y)?, named(z)?]),
+            None => None,
+        };
+        let forces = columns.specific_force.as_ref();
+        let forces = forces.or(columns.free_acceleration.as_ref());
+        let forces = forces.ok_or_else(|| Problem::bad_input("expected specific_force"))?;
+        let either = |name: &String| named(name).or_else(|_| table.column(name));
+        let filled =
+            |column: &usize| (0..table.rows()).any(|row| table.value(row, *column).is_finite());
+        // Sensors on a cable and those of a station may leave the time empty, but count.
+        let time = columns
+            .time
+            .as_ref()
+            .map(either)
+            .transpose()?
+            .filter(filled);
+        let counter = columns.counter.as_ref().and_then(|name| either(name).ok());
+        let (time, unit_s) = match (time, counter.filter(filled), rate_hz) {
+            (Some(time), ..) => (Some(time), columns.time_unit_s),
+            (None, Some(counter), Some(rate)) => (Some(counter), 1.0 / rate),
+            (None, None, Some(rate)) => (None, 1.0 / rate),
+            (None, _, None) => {
+                return Err(Problem::bad_input("there are no times and no rate")
+                    .help("give rate_hz, the samples per second, in the mapping"));
+            }
+        };
+        Ok(Self {
+            time,
+            unit_s,
+            rate: columns.angular_velocity.as_ref().map(three).transpose()?,
+            turn,
+            force: three(forces)?,
+            is_free: columns.specific_force.is_none(),
+            units: [
+                columns.angular_velocity_unit.radians(),
+                columns.specific_force_unit.metres(),
+            ],
+        })
+    }
+
+    /// A row's reading at a time (s); its numbers are not finite if one is missing.
+    fn reading(&self, table: &Table, row: usize, time: f64, turning: &mut Turning) -> Reading<f64> {
+        let vector = |at: [usize; 3]| Vector3::from(at.map(|column| table.value(row, column)));
+        let turn = self.turn.map(|turn| {
+            let [w, x, y, z] = turn.map(|column| table.value(row, column));
+            UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+        });
+        let [of_rate, of_force] = self.units;
+        let unknown = || Vector3::repeat(f64::NAN);
+        let rate = match (self.rate, turn) {
+            (Some(rate), _) => vector(rate) * of_rate,
+            // Nothing is known of the first.
+            (None, Some(turn)) => turning.rate(time, &turn).unwrap_or_else(unknown),
+            (None, None) => unknown(),
+        };
+        let force = vector(self.force) * of_force;
+        Reading {
+            angular_velocity: rate,
+            specific_force: match turn.filter(|_| self.is_free) {
+                Some(turn) => with_gravity(&turn, &force),
+                None => force,
+            },
+        }
+    }
 }
 
 /// Reads a table whose names may follow lines of description.
@@ -82,77 +160,16 @@ impl Stream {
         prefix: &str,
         rate_hz: Option<f64>,
     ) -> Result<Self> {
-        let named = |name: &String| table.column(&format!("{prefix}{name}"));
-        let three = |names: &[String; 3]| -> Result<[usize; 3]> {
-            let [x, y, z] = names;
-            Ok([named(x)?, named(y)?, named(z)?])
-        };
-        let turn = match &columns.orientation {
-            Some([w, x, y, z]) => Some([named(w)?, named(x)?, named(y)?, named(z)?]),
-            None => None,
-        };
-        let forces = columns.specific_force.as_ref();
-        let forces = forces.or(columns.free_acceleration.as_ref());
-        let forces = forces.ok_or_else(|| Problem::bad_input("expected specific_force"))?;
-        let either = |name: &String| named(name).or_else(|_| table.column(name));
-        let filled =
-            |column: &usize| (0..table.rows()).any(|row| table.value(row, *column).is_finite());
-        // Sensors on a cable and those of a station may leave the time empty, but count.
-        let time = columns
-            .time
-            .as_ref()
-            .map(either)
-            .transpose()?
-            .filter(filled);
-        let counter = columns.counter.as_ref().and_then(|name| either(name).ok());
-        let (time, unit_s) = match (time, counter.filter(filled), rate_hz) {
-            (Some(time), ..) => (Some(time), columns.time_unit_s),
-            (None, Some(counter), Some(rate)) => (Some(counter), 1.0 / rate),
-            (None, None, Some(rate)) => (None, 1.0 / rate),
-            (None, _, None) => {
-                return Err(Problem::bad_input("there are no times and no rate")
-                    .help("give rate_hz, the samples per second, in the mapping"));
-            }
-        };
-        let places = Places {
-            time,
-            rate: columns.angular_velocity.as_ref().map(three).transpose()?,
-            turn,
-            force: three(forces)?,
-            is_free: columns.specific_force.is_none(),
-        };
+        let places = Places::of(table, columns, prefix, rate_hz)?;
         let (mut times, mut readings) = (Vec::new(), Vec::new());
         let mut clock = Clock::default();
         let mut turning = Turning::default();
         for row in 0..table.rows() {
-            let vector = |at: [usize; 3]| Vector3::from(at.map(|column| table.value(row, column)));
             let time = match places.time {
-                Some(column) => clock.risen(table.value(row, column)) * unit_s,
-                None => row as f64 * unit_s,
+                Some(column) => clock.risen(table.value(row, column)) * places.unit_s,
+                None => row as f64 * places.unit_s,
             };
-            let turn = places
-                .turn
-                .map(|turn| turn.map(|column| table.value(row, column)));
-            let turn = turn
-                .map(|[w, x, y, z]| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)));
-            let unit = columns.angular_velocity_unit.radians();
-            let rate = match (places.rate, turn) {
-                (Some(rate), _) => vector(rate) * unit,
-                // Nothing is known of the first.
-                (None, Some(turn)) => {
-                    (turning.rate(time, &turn)).unwrap_or(Vector3::repeat(f64::NAN))
-                }
-                (None, None) => Vector3::repeat(f64::NAN),
-            };
-            let force = vector(places.force) * columns.specific_force_unit.metres();
-            let force = match turn.filter(|_| places.is_free) {
-                Some(turn) => with_gravity(&turn, &force),
-                None => force,
-            };
-            let reading = Reading {
-                angular_velocity: rate,
-                specific_force: force,
-            };
+            let reading = places.reading(table, row, time, &mut turning);
             // Rows with an empty cell are lost samples.
             if !reading.is_finite() || !time.is_finite() {
                 continue;

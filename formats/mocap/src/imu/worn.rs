@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 use super::calibration::{Calibrated, calibrated};
 use super::checks::{FirstPose, Joints};
-use super::clocks;
+use super::clocks::{self, Late};
 use super::doubts::Doubts;
 use super::exchange::Calibration;
 use super::mapping::ImuMapping;
@@ -105,11 +105,7 @@ pub fn worn(
     let in_tray = clocks::in_tray(&mapping.calibration.turns_s, sensors, &calibrated.fitted);
     let window = flight(mapping, sensors, &calibrated)?;
     let rate_hz = common_rate(sensors);
-    let count = ((window[1] - window[0]) * rate_hz).floor();
-    if count > FRAME_LIMIT {
-        let message = format!("expected at most {FRAME_LIMIT} frames, found {count}");
-        return Err(Problem::bad_input(message));
-    }
+    let count = frame_count(window, rate_hz)?;
     let mut suit = Box::new(
         Suit::<f64, 16>::new(&calibrated.fitted, body, &Posture::h_pose()).map_err(set_problem)?,
     );
@@ -147,28 +143,38 @@ pub fn worn(
         }
         frame += 1.0;
     }
-    doubts.late(&in_tray.unwrap_or_else(|| {
-        let delays = suit.segments().zip(clocks.delays(&suit));
-        let known = delays.filter_map(|(segment, delay)| delay.map(|[by, off]| (segment, by, off)));
-        clocks::worn(&known.collect::<Vec<_>>())
-    }));
+    doubts.late(&in_tray.unwrap_or_else(|| late_as_worn(&suit, &clocks)));
     doubts.moved(&first_pose.moved);
-    doubts.clipped(mapping, sensors, window);
+    doubts.read(mapping, sensors, window);
     doubts.failed(suit.faults());
-    doubts.lost(sensors, window);
     doubts.bent(&joints.bent);
     let flown = frames.len().max(1) as f64;
     let stated = squares.map(|_, square| (square / flown).sqrt());
     Ok(Worn {
         rate_hz,
         deviation: doubts.widened(&stated),
-        pelvis_place: (calibrated.fitted.iter())
-            .find(|fitted| fitted.segment == Segment::Pelvis)
-            .map_or_else(Vector3::zeros, |fitted| fitted.place),
+        pelvis_place: calibrated.pelvis_place(),
         doubts: doubts.said,
         frames,
         notes,
     })
+}
+
+/// Frames after the first within a window (s).
+fn frame_count([from, to]: [f64; 2], rate_hz: f64) -> Result<f64> {
+    let count = ((to - from) * rate_hz).floor();
+    if count > FRAME_LIMIT {
+        let message = format!("expected at most {FRAME_LIMIT} frames, found {count}");
+        return Err(Problem::bad_input(message));
+    }
+    Ok(count)
+}
+
+/// The sensors whose clocks are late by what they feel on the body.
+fn late_as_worn(suit: &Suit<f64, 16>, clocks: &Clocks<f64, 16>) -> Vec<Late> {
+    let delays = suit.segments().zip(clocks.delays(suit));
+    let known = delays.filter_map(|(segment, delay)| delay.map(|[by, off]| (segment, by, off)));
+    clocks::worn(&known.collect::<Vec<_>>())
 }
 
 /// Adds to a refusal which exchange would explain it.
