@@ -1,6 +1,13 @@
 //! Postures from raw sensors on the limbs, against the truth of simulated falls and of recordings.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
+#[path = "suit/bars.rs"]
+mod bars;
+#[path = "suit/faults.rs"]
+mod faults;
+#[path = "suit/recorded.rs"]
+mod recorded;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -253,46 +260,6 @@ fn missing_segments_of_real_postures_are_as_uncertain_as_stated() {
     }
 }
 
-#[test]
-fn faults_of_a_sensor_are_named() {
-    let mut frames = flown("rotations", 4);
-    frames.retain(|frame| frame.time < 14.0);
-    for (segment, fault, part) in [
-        (
-            Segment::RightShank,
-            Fault::Dead(5.0),
-            "r_shank sends nothing new",
-        ),
-        (
-            Segment::LeftThigh,
-            Fault::Slipped(3.0, 1.2),
-            "l_thigh feels another force",
-        ),
-    ] {
-        let (worn, _) = followed(&frames, 10, 4, Some((segment, fault)));
-        assert_eq!(worn.doubts.len(), 1, "{:?}", worn.doubts);
-        assert!(worn.doubts[0].contains(part), "{:?}", worn.doubts);
-        let last = &worn.frames.last().expect("frames").1;
-        assert!(
-            !last.orientations[segment].is_measured,
-            "it follows the rule"
-        );
-    }
-    let saturated = Some((Segment::Pelvis, Fault::Saturated(60.0_f64.to_radians())));
-    let streams = streams(&frames, 10, 4, saturated);
-    let file = "file = \"pelvis.csv\"\n";
-    let mapping = streams
-        .mapping()
-        .replace(file, &format!("{file}range_dps = 60\n"));
-    let doubts = read(&streams, &mapping).expect("a calibrated set").doubts;
-    assert!(
-        doubts
-            .iter()
-            .any(|doubt| doubt.contains("pelvis reached the end")),
-        "{doubts:?}"
-    );
-}
-
 /// A calibration that was not given is found; a bend that is missing, and a person who moves, are refused.
 #[test]
 fn calibrations_are_found_or_refused() {
@@ -349,40 +316,4 @@ fn calibrations_are_found_or_refused() {
             "{name}: {said}"
         );
     }
-}
-
-/// Recomputes the table of docs/suit.md: direction, and stated deviation as a share of the actual one.
-#[test]
-#[ignore = "takes minutes; run it after a change of the suit, and copy what it prints"]
-fn the_table_of_the_documentation_is_as_measured() {
-    let mut table = String::new();
-    for name in [
-        "rotations",
-        "transitions",
-        "exit-and-tracking",
-        "aggressive-turns",
-        "layouts",
-        "back-loop",
-    ] {
-        table += &format!("| {name} |");
-        for count in [16, 13, 10, 8, 5] {
-            let (mut directions, mut actual, mut stated) = (Vec::new(), Vec::new(), Vec::new());
-            for seed in 1..=3 {
-                let (_, found) = followed(&flown(name, seed), count, seed, None);
-                directions.push(found.direction);
-                for segment in of_size(count).expect("a set").iter().skip(1) {
-                    actual.push(found.actual[segment]);
-                    stated.push(found.stated[segment]);
-                }
-            }
-            let ratio = root(stated.into_iter()) / root(actual.into_iter());
-            table += &format!(" {:.0}, {ratio:.1} |", root(directions.into_iter()));
-        }
-        table += "\n";
-    }
-    let docs = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/suit.md"));
-    assert!(
-        docs.expect("the page").contains(&table),
-        "measured:\n{table}"
-    );
 }

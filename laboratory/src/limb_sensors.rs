@@ -4,6 +4,7 @@
 //! person does not hold the poses exactly. None of these numbers is known to the program that reads the files.
 
 mod errors;
+mod fault;
 mod ground;
 mod instant;
 pub mod line;
@@ -22,7 +23,8 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 
 use errors::SensorErrors;
-pub use errors::Sizes;
+pub use errors::{Row, Sizes};
+pub use fault::Fault;
 use ground::Ground;
 use instant::Instant;
 pub use track::Fix;
@@ -47,17 +49,6 @@ const COLUMNS: [&str; 7] = [
     "accelerometer_z_mps2",
 ];
 
-/// A fault of one sensor.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Fault {
-    /// No samples from this time of the flight (s).
-    Dead(f64),
-    /// Turned about the vertical of the segment by an angle (rad) at this time of the flight (s).
-    Slipped(f64, f64),
-    /// Rates in the flight are cut off at this value (rad/s).
-    Saturated(f64),
-}
-
 /// The sensors of a person.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LimbSensors {
@@ -71,8 +62,37 @@ pub struct LimbSensors {
     pub fault: Option<(Segment, Fault)>,
 }
 
-/// One sample: its time by the sensor's clock (s), angular velocity (rad/s), and specific force (m/s2).
-pub type Row = (f64, Vector3<f64>, Vector3<f64>);
+/// Which segments have a sensor, and a fault of one of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limbs {
+    /// Segments with a sensor.
+    pub segments: &'static [Segment],
+    /// A sensor's fault.
+    pub fault: Option<(Segment, Fault)>,
+}
+
+impl Limbs {
+    /// Checks that the fault is of sensors that are worn.
+    ///
+    /// # Errors
+    /// Returns an error if it is not.
+    pub fn check(&self) -> Result<()> {
+        let Some((segment, fault)) = self.fault else {
+            return Ok(());
+        };
+        let other = match fault {
+            Fault::Exchanged(other) => Some(other),
+            _ => None,
+        };
+        for segment in [Some(segment), other].into_iter().flatten() {
+            if !self.segments.contains(&segment) {
+                let names = self.segments.iter().map(|worn| worn.name());
+                return Err(Problem::unknown("sensor", segment.name(), names));
+            }
+        }
+        Ok(())
+    }
+}
 
 /// The readings of all sensors, and when the flight begins by the first clock (s).
 #[derive(Debug, Clone, PartialEq)]
@@ -97,24 +117,29 @@ impl LimbSensors {
             return self.nothing();
         };
         let ground = Ground::new(&mut random, &self.sizes, first);
-        let sensors = self.segments.iter().map(|segment| {
-            let errors = SensorErrors::new(&mut random, &self.sizes);
-            let fault = self.fault.filter(|(of, _)| of == segment);
-            let fault = fault.map(|(_, fault)| fault);
-            let rows = self.rows(
-                (*segment, fault),
-                errors,
-                &Flown {
-                    body,
-                    ground: &ground,
-                    frames,
-                    interval,
-                },
-            );
-            (*segment, rows)
-        });
+        let mut sensors: Vec<(Segment, Vec<Row>)> = (self.segments.iter())
+            .map(|segment| {
+                let errors = SensorErrors::new(&mut random, &self.sizes);
+                let fault = self.fault.filter(|(of, _)| of == segment);
+                let fault = fault.map(|(_, fault)| fault);
+                let rows = self.rows(
+                    (*segment, fault),
+                    errors,
+                    &Flown {
+                        body,
+                        ground: &ground,
+                        frames,
+                        interval,
+                    },
+                );
+                (*segment, rows)
+            })
+            .collect();
+        if let Some((one, Fault::Exchanged(other))) = self.fault {
+            exchange(&mut sensors, one, other);
+        }
         Streams {
-            sensors: sensors.collect(),
+            sensors,
             flight_s: ground::DURATION,
             track: track::of(&mut random, frames),
         }
@@ -137,22 +162,19 @@ impl LimbSensors {
         let place = flown.body.segments[segment].cg + errors.misplaced;
         let count = flown.count();
         let mut rows = Vec::new();
-        let moving = |index: usize, slipped: UnitQuaternion<f64>, errors: &SensorErrors| {
+        let moving = |index: usize, errors: &SensorErrors| {
             let time = flown.time(index);
             let (attitude, at) = flown.instant(index)?.point(flown.body, segment, &place);
             let tissue = errors.tissue_at(time, ground::liveliness(segment, time));
-            Some((attitude * tissue * slipped * errors.segment_from_sensor, at))
+            let turn = fault.map_or_else(UnitQuaternion::identity, |fault| {
+                fault.turn(time - ground::DURATION)
+            });
+            Some((attitude * tissue * turn * errors.segment_from_sensor, at))
         };
         for index in (0..count).step_by(STRIDE) {
             let time = flown.time(index);
             let fall = time - ground::DURATION;
-            let slipped = match fault {
-                Some(Fault::Slipped(from, angle)) if fall >= from => {
-                    UnitQuaternion::from_scaled_axis(Vector3::z() * angle)
-                }
-                _ => UnitQuaternion::identity(),
-            };
-            if matches!(fault, Some(Fault::Dead(from)) if fall >= from) || errors.is_lost() {
+            if fault.is_some_and(|fault| fault.is_silent(fall)) || errors.is_lost() {
                 continue;
             }
             let (rate, force) = match ground::tray(time) {
@@ -163,23 +185,31 @@ impl LimbSensors {
                 None => {
                     let around = flown.around(index);
                     let [Some(before), Some(now), Some(after)] =
-                        around.map(|at| moving(at, slipped, &errors))
+                        around.map(|at| moving(at, &errors))
                     else {
                         continue;
                     };
                     motion([before, now, after], flown.interval)
                 }
             };
-            let (mut rate, force) = errors.read(&rate, &force, time);
-            if let Some(Fault::Saturated(limit)) = fault
-                && fall >= 0.0
-            {
-                rate = rate.map(|part| part.clamp(-limit, limit));
-            }
-            rows.push((errors.stamp(time), rate, force));
+            let (rate, force) = errors.read(&rate, &force, time);
+            let row = (errors.stamp(time), rate, force);
+            rows.push(fault.map_or(row, |fault| fault.of_row(row, fall)));
         }
         rows
     }
+}
+
+/// Lets two sensors be worn in each other's place, if both are.
+fn exchange(sensors: &mut [(Segment, Vec<Row>)], one: Segment, other: Segment) {
+    let place = |of: Segment| sensors.iter().position(|(segment, _)| *segment == of);
+    let (Some(one), Some(other)) = (place(one), place(other)) else {
+        return;
+    };
+    sensors.swap(one, other);
+    let name = sensors[one].0;
+    sensors[one].0 = sensors[other].0;
+    sensors[other].0 = name;
 }
 
 /// Angular velocity and specific force at the middle one of three attitudes and places, in its axes.

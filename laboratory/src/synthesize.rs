@@ -34,7 +34,7 @@ use bodyflight_replay::flight::{DensityChoice, Flight};
 use bodyflight_replay::input_history::InputRow;
 use bodyflight_replay::subject::SEGMENTS_FILE;
 
-use crate::limb_sensors::{self, LimbSensors, Sizes, Streams};
+use crate::limb_sensors::{self, LimbSensors, Limbs, Sizes, Streams};
 use crate::sensor_bytes::SensorBytes;
 use joints::{JointErrors, Sway};
 pub use request::{JointError, Request};
@@ -98,7 +98,7 @@ pub struct Additions<'a> {
     /// Lever arms of these forces as shares of the stature, instead of those of a body.
     pub lever_arms: Option<[f32; 4]>,
     /// Segments with raw sensors, whose readings go into the folder `sensors`.
-    pub limbs: Option<&'static [Segment]>,
+    pub limbs: Option<Limbs>,
     /// Whether the bytes on the line of these sensors go into `chain.bin`.
     pub chain: bool,
 }
@@ -165,8 +165,8 @@ pub fn synthesize_with(
         let bytes: Vec<u8> = sensor.of(&kept).into_iter().flat_map(|(_, b)| b).collect();
         write_file(&folder.join(SENSOR_FILE), &bytes)?;
     }
-    if let Some(segments) = limbs {
-        write_limbs(&worn(request, &dynamics, segments)?, chain, folder)?;
+    if let Some(limbs) = limbs {
+        write_limbs(&worn(request, &dynamics, limbs)?, chain, folder)?;
     }
     write_inputs(request.maneuver, &folder.join("inputs.csv"))?;
     request.subject.write_in(folder)?;
@@ -196,11 +196,7 @@ fn write_limbs(streams: &Streams, chain: bool, folder: &Path) -> Result<()> {
 }
 
 /// The readings of sensors on the limbs in the same flight, without the noise of the recording.
-fn worn(
-    request: &Request<'_>,
-    dynamics: &Dynamics<f64>,
-    segments: &'static [Segment],
-) -> Result<Streams> {
+fn worn(request: &Request<'_>, dynamics: &Dynamics<f64>, limbs: Limbs) -> Result<Streams> {
     let exact = Request {
         noise: SensorNoise::NONE,
         joint_error: JointError::default(),
@@ -214,9 +210,9 @@ fn worn(
     fly(&exact, dynamics, &mut each, &mut |_| {})?;
     let sensors = LimbSensors {
         seed: request.seed,
-        segments,
+        segments: limbs.segments,
         sizes: Sizes::TYPICAL,
-        fault: None,
+        fault: limbs.fault,
     };
     Ok(sensors.of(&dynamics.body, &frames))
 }

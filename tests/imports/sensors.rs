@@ -262,4 +262,34 @@ fn raw_sensors_of_a_jump_are_imported_and_estimated() {
         .as_f64()
         .unwrap_or(0.0);
     assert!(share > 0.9, "{estimate}");
+    // Whoever exchanges two files is told so, and little is believed of these segments.
+    let text = std::fs::read_to_string(&mapping).expect("a mapping");
+    let text = text
+        .replace("\"l_thigh.csv\"", "\"other.csv\"")
+        .replace("\"l_shank.csv\"", "\"l_thigh.csv\"")
+        .replace("\"other.csv\"", "\"l_shank.csv\"");
+    let exchanged = written(
+        folder.path(),
+        "exchanged.toml",
+        &text.replace("TRACK.CSV", "jump/sensors/TRACK.CSV"),
+    );
+    let doubted = plain(&folder.path().join("doubted")).to_owned();
+    let import = [
+        "import",
+        &sensors,
+        "--mapping",
+        &exchanged,
+        "--subject",
+        &subject,
+    ];
+    let output = PROGRAM.run(&[&import[..], &["--out", &doubted]].concat());
+    let said = format!(
+        "{}{}",
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    );
+    assert_eq!(output.status.code(), Some(5), "{said}");
+    assert!(said.contains("l_thigh and l_shank are exchanged"), "{said}");
+    let flight = std::fs::read_to_string(folder.path().join("doubted/flight.toml"));
+    assert!(flight.expect("a flight").contains("l_shank = 40.1"));
 }

@@ -1,14 +1,16 @@
 //! Segments without a sensor.
 //!
 //! The abdomen lies halfway between pelvis and thorax. A proximal limb without a sensor takes half of the rotation of
-//! the next sensor outwards. Anything else keeps the angle to its parent of the flying pose. What each rule
-//! leaves open is stated in a covariance.
+//! the next sensor outwards. An elbow is straight where the upper arm lies along the trunk, up or down, and bent as in the
+//! flying pose where it is held out. Anything else keeps the angle to its parent of the flying pose. What each rule leaves open is
+//! stated in a covariance.
 
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::body::pattern;
+use crate::body::posture::Posture;
 use crate::body::{Segment, SegmentArray};
-use crate::math::{Real, normalized};
+use crate::math::{Real, clamp, normalized};
 
 /// Standard deviation of a segment that has no sensor, each axis (degrees), in the order of [`Segment::ALL`]: with a
 /// sensor further out, and without.
@@ -67,10 +69,10 @@ pub fn filled<T: Real>(
             found[segment] = measured;
             continue;
         }
-        let parent = found[parent];
+        let parent = &found[parent];
         let further = outwards(segment, measured);
         let [with, without] = OPEN_DEG[segment].map(|degrees| T::of(degrees.to_radians()));
-        found[segment] = match further {
+        let filled = match further {
             Some(further) => Orientation {
                 body_from_segment: halfway(&parent.body_from_segment, &further.body_from_segment),
                 covariance: (parent.covariance + further.covariance) * T::of(0.25)
@@ -80,14 +82,34 @@ pub fn filled<T: Real>(
             None => Orientation {
                 body_from_segment: normalized(
                     parent.body_from_segment.into_inner()
-                        * neutral.parent_from_segment(segment).into_inner(),
+                        * kept(segment, &neutral, &found).into_inner(),
                 ),
                 covariance: parent.covariance + Matrix3::from_diagonal_element(without * without),
                 is_measured: false,
             },
         };
+        found[segment] = filled;
     }
     found
+}
+
+/// The angle to its parent that a segment keeps; its parents are found.
+fn kept<T: Real>(
+    segment: Segment,
+    neutral: &Posture<T>,
+    found: &SegmentArray<Orientation<T>>,
+) -> UnitQuaternion<T> {
+    let bent = *neutral.parent_from_segment(segment);
+    let (Segment::LeftForearm | Segment::RightForearm, Some(upper)) = (segment, segment.parent())
+    else {
+        return bent;
+    };
+    let along = |of: Segment| found[of].body_from_segment * Vector3::z();
+    // How far the arm is held out: 1 at a right angle, 0 hanging or overhead.
+    let out = T::one() - along(upper).dot(&along(Segment::Thorax)).abs();
+    let out = clamp(out, T::zero(), T::one());
+    let straight = UnitQuaternion::identity().coords * (T::one() - out);
+    normalized(Quaternion::from(straight + bent.coords * out))
 }
 
 /// The next measured segment outwards, if the trunk or the same limb has one.
@@ -124,8 +146,6 @@ fn halfway<T: Real>(one: &UnitQuaternion<T>, other: &UnitQuaternion<T>) -> UnitQ
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Vector3;
-
     use super::*;
     use crate::math::rotation_by;
 
@@ -157,6 +177,19 @@ mod tests {
         assert!(open(Segment::RightShank) > open(Segment::RightThigh));
         assert!(open(Segment::RightThigh) > open(Segment::LeftThigh));
         assert!(open(Segment::LeftThigh) > open(Segment::Thorax));
+        let elbow = |arm: f64| {
+            let mut measured = SegmentArray::from_fn(|_| None);
+            measured[Segment::LeftUpperArm] = Some(Orientation {
+                body_from_segment: rotation_by(&(Vector3::y() * -arm)),
+                ..turned(0.0)
+            });
+            let found = filled(&measured);
+            let upper = found[Segment::LeftUpperArm].body_from_segment;
+            upper.angle_to(&found[Segment::LeftForearm].body_from_segment)
+        };
+        assert!(elbow(0.0) < 0.05 && elbow(0.5) < 0.3, "it hangs: straight");
+        assert!(elbow(3.1) < 0.05, "overhead: straight");
+        assert!((elbow(1.6) - 1.57).abs() < 0.05, "held out: bent");
         let unmeasured = Segment::ALL.into_iter().filter(|s| !found[*s].is_measured);
         assert_eq!(unmeasured.count(), 13);
     }

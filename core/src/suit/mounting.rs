@@ -33,28 +33,28 @@ const fn conduct(tilt: f64, bend: i8, march: i8, axis: f64) -> Conduct {
 /// In the order of [`Segment::ALL`]. Knees and hands come forwards in the march, which is a negative turn about the left
 /// axis; heels go back. In the bend, knees are bent too: thighs lean back and shanks forwards.
 const CONDUCT: SegmentArray<Conduct> = SegmentArray::new([
-    conduct(3.0, 1, 0, 4.0),
-    conduct(4.0, 1, 0, 4.0),
-    conduct(4.0, 1, 0, 4.0),
+    conduct(3.0, 1, 0, 3.0),
+    conduct(4.0, 1, 0, 3.0),
+    conduct(4.0, 1, 0, 3.0),
     conduct(6.0, 1, 0, 8.0),
-    conduct(6.0, 0, -1, 12.0),
-    conduct(7.0, 0, -1, 12.0),
+    conduct(6.0, 0, -1, 11.0),
+    conduct(7.0, 0, -1, 11.0),
     conduct(10.0, 0, -1, 15.0),
-    conduct(6.0, 0, -1, 12.0),
-    conduct(7.0, 0, -1, 12.0),
+    conduct(6.0, 0, -1, 11.0),
+    conduct(7.0, 0, -1, 11.0),
     conduct(10.0, 0, -1, 15.0),
-    conduct(3.0, -1, -1, 8.0),
-    conduct(3.0, 1, 1, 8.0),
+    conduct(3.0, -1, -1, 7.0),
+    conduct(3.0, 1, 1, 7.0),
     conduct(5.0, 0, 1, 12.0),
-    conduct(3.0, -1, -1, 8.0),
-    conduct(3.0, 1, 1, 8.0),
+    conduct(3.0, -1, -1, 7.0),
+    conduct(3.0, 1, 1, 7.0),
     conduct(5.0, 0, 1, 12.0),
 ]);
 
 /// Least sine of the tilt in the bend from which a heading follows.
 const LEAST_TILT: f64 = 0.2;
 /// Error of a pose that acts on the heading, divided by the sine of the tilt (rad).
-const POSE: f64 = 0.07;
+const POSE: f64 = 0.05;
 /// Least turn in the march from which a heading follows, root of its mean square (rad/s).
 const LEAST_SWING: f64 = 0.3;
 /// Least mean angle in the march that tells forwards from backwards (rad).

@@ -57,6 +57,8 @@ pub(super) struct Sensor<T: Real> {
     /// Attitude error (rad, reference axes) for an error of the scale of each axis, and the largest variance by it.
     pub(super) by_gain: Matrix3<T>,
     pub(super) gain_variance: Vector3<T>,
+    /// Integral of the mismatch with the neighbour since the first pose, and its time (s).
+    pub(super) misfit: [T; 2],
 }
 
 impl<T: Real> Sensor<T> {
@@ -74,6 +76,7 @@ impl<T: Real> Sensor<T> {
             turned: Vector3::zeros(),
             by_gain: Matrix3::zeros(),
             gain_variance: Vector3::zeros(),
+            misfit: [T::zero(); 2],
         }
     }
 

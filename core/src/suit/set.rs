@@ -7,7 +7,7 @@ use super::relative::{Comparison, Errors, Relative};
 pub use super::sensor::Fitted;
 use super::sensor::{Sensor, in_axes, link, matrix};
 use super::strapdown::{LONGEST_INTERVAL, Reading, Strapdown};
-use super::watch::Fault;
+use super::watch::{Fault, Watch};
 use crate::air::STANDARD_GRAVITY;
 use crate::body::posture::Posture;
 use crate::body::{Body, Segment, SegmentArray};
@@ -28,8 +28,10 @@ const JOINT: f64 = 0.6;
 const REST: [f64; 3] = [0.2, 0.4, 0.7];
 /// Noise of a gyroscope (rad/s per root Hz).
 const NOISE: f64 = 0.000_17;
-/// Standard deviation of a segment relative to its sensor, each axis: soft tissue, and axes that are no hinges (rad).
-const TISSUE: f64 = 0.05;
+/// Standard deviation of a segment relative to its sensor, each axis: soft tissue, and axes that are no hinges (rad). On the
+/// trunk sensors lie on bones.
+const TISSUE: f64 = 0.03;
+const BONE: f64 = 0.01;
 /// Error of the first attitude's tilt (rad).
 const TILT: f64 = 0.01;
 
@@ -47,7 +49,7 @@ pub enum SetError {
 /// A set of up to `N` sensors.
 #[derive(Debug, Clone)]
 pub struct Suit<T: Real, const N: usize> {
-    sensors: heapless::Vec<Sensor<T>, N>,
+    pub(super) sensors: heapless::Vec<Sensor<T>, N>,
     relative: Relative<T, N>,
     window: T,
     turning: T,
@@ -74,6 +76,15 @@ impl<T: Real> SuitPosture<T> {
     pub fn posture(&self) -> Posture<T> {
         Posture::from_body_rotations(&self.orientations.map(|_, o| o.body_from_segment))
     }
+}
+
+/// Variance of a segment relative to the pelvis by what lies between them and their sensors, each axis (rad2).
+const fn tissue(segment: Segment) -> f64 {
+    let own = match segment {
+        Segment::Pelvis | Segment::Abdomen | Segment::Thorax | Segment::Head => BONE,
+        _ => TISSUE,
+    };
+    own * own + BONE * BONE
 }
 
 impl<T: Real, const N: usize> Suit<T, N> {
@@ -253,7 +264,26 @@ impl<T: Real, const N: usize> Suit<T, N> {
         self.correct(errors);
         if let Some(sensor) = self.sensors.get_mut(index) {
             sensor.watch.mismatched(mismatch, window);
+            let [sum, time] = &mut sensor.misfit;
+            *sum += Watch::counted(mismatch) * window;
+            *time += window;
         }
+    }
+
+    /// The segments with a sensor, in the order of the sensors.
+    pub fn segments(&self) -> impl Iterator<Item = Segment> {
+        self.sensors.iter().map(|sensor| sensor.fitted.segment)
+    }
+
+    /// Mean mismatch of neighbours since the first pose (1 is expected of the worst that is allowed for): it is least if
+    /// every sensor is where it is said to be. `None` before the first comparison.
+    pub fn misfit(&self) -> Option<T> {
+        let (mut sum, mut time) = (T::zero(), T::zero());
+        for sensor in &self.sensors {
+            sum += sensor.misfit[0];
+            time += sensor.misfit[1];
+        }
+        (time > T::zero()).then(|| sum / time)
     }
 
     /// Compares the turns of the whole body, once it has turned about itself.
@@ -328,7 +358,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
             let covariance = self
                 .relative
                 .between((index, &of_segment), (root, &of_body));
-            let tissue = Matrix3::from_diagonal_element(T::of(2.0 * TISSUE * TISSUE));
+            let tissue = Matrix3::from_diagonal_element(T::of(tissue(sensor.fitted.segment)));
             measured[sensor.fitted.segment] = Some(Orientation {
                 body_from_segment: normalized(
                     body_from_reference.into_inner() * reference_from_segment.into_inner(),

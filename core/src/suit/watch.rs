@@ -67,12 +67,17 @@ impl<T: Real> Watch<T> {
 
     /// Takes the mismatch with the neighbour (1 is expected) after `duration` (s).
     pub fn mismatched(&mut self, mismatch: T, duration: T) {
-        let most = T::of(LARGEST_MISMATCH);
-        let mismatch = if mismatch < most { mismatch } else { most };
+        let mismatch = Self::counted(mismatch);
         let share = duration / (duration + T::of(SLIP_TIME));
-        if mismatch.is_finite() && share > T::zero() {
+        if share > T::zero() {
             self.mismatch += (mismatch - self.mismatch) * share;
         }
+    }
+
+    /// A mismatch as it counts for a mean.
+    pub(super) fn counted(mismatch: T) -> T {
+        let most = T::of(LARGEST_MISMATCH);
+        if mismatch < most { mismatch } else { most }
     }
 
     /// Whether the last reading was lost so long ago that the sensor is dead.

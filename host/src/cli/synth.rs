@@ -8,6 +8,7 @@ use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_core::suit::placement::{SETS, of_size};
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_laboratory::limb_sensors::{Fault, Limbs};
 use bodyflight_laboratory::sensor_bytes::SensorBytes;
 use bodyflight_laboratory::synthesize::{
     Additions, DEFAULT_SWAY, FILES, JointError, Report, Request, synthesize_with,
@@ -71,6 +72,10 @@ pub(super) struct Args {
     /// `stream --sensor --protocol chain`.
     #[arg(long, requires = "sensors")]
     chain: bool,
+    /// A fault of one of these sensors: exchanged=SEGMENT, reversed, slipped, dead, saturated, late or mirrored, with a
+    /// number if another than the usual one is wanted, as in l_shank:late=0.06.
+    #[arg(long, value_name = "SEGMENT:FAULT", requires = "sensors")]
+    sensor_fault: Option<String>,
 }
 
 /// A number of sensors for which there is a set.
@@ -133,6 +138,11 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         tunnel: args.tunnel,
     };
     request.check()?;
+    let fault = args.sensor_fault.as_deref().map(Fault::parse).transpose()?;
+    let limbs = (args.sensors.and_then(of_size)).map(|segments| Limbs { segments, fault });
+    if let Some(limbs) = &limbs {
+        limbs.check()?;
+    }
     args.outputs.check_in(&args.out, FILES)?;
     let sensor = args.imu.then_some(SensorBytes {
         seed: args.seed,
@@ -142,7 +152,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         sensor: sensor.as_ref(),
         muscle_forces: args.muscle_forces.forces(),
         lever_arms: lever_arms(args)?,
-        limbs: args.sensors.and_then(of_size),
+        limbs,
         chain: args.chain,
     };
     let report = write(&request, additions, &args.out)?;

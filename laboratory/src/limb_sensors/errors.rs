@@ -6,6 +6,9 @@ use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
+/// One sample: its time by the sensor's clock (s), angular velocity (rad/s), and specific force (m/s2).
+pub type Row = (f64, Vector3<f64>, Vector3<f64>);
+
 /// Standard deviations of the errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sizes {

@@ -67,6 +67,8 @@ const STANCES: SegmentArray<Stance> = SegmentArray::new([
 
 /// Steps a second in the march.
 const STEPS: f64 = 0.9;
+/// Amplitude of the rise and fall of the body with each step (m).
+const BOB: f64 = 0.02;
 
 /// A person on the ground.
 pub(super) struct Ground {
@@ -97,8 +99,9 @@ impl Ground {
     pub(super) fn at(&self, time: f64) -> Instant {
         let rise = |from: f64, to: f64| smooth((time - from) / (to - from));
         let bend = rise(44.0, 46.0) - rise(50.0, 52.0);
-        let march = rise(52.0, 52.8) - rise(57.2, 58.0);
+        let march = rise(52.0, 52.35) - rise(57.2, 58.0);
         let (step, _) = (std::f64::consts::TAU * STEPS * (time - 52.0)).sin_cos();
+        let (_, double) = (2.0 * std::f64::consts::TAU * STEPS * (time - 52.0)).sin_cos();
         let tilts = SegmentArray::from_fn(|segment| {
             let [mean, swing] = STANCES[segment].march.map(f64::to_radians);
             bend * self.bent[segment] + march * self.swing[segment] * (mean + swing * step)
@@ -111,7 +114,7 @@ impl Ground {
         let body_from_segment = turned.map(|_, turn| pelvis.inverse() * turn);
         let standing = Instant {
             inertial_from_body: upright * pelvis,
-            position: self.last.position,
+            position: self.last.position + Vector3::z() * (BOB * march * (1.0 - double)),
             posture: Posture::from_body_rotations(&body_from_segment),
         };
         let share = rise(62.0, 65.5);
@@ -119,7 +122,7 @@ impl Ground {
             inertial_from_body: standing
                 .inertial_from_body
                 .slerp(&self.last.inertial_from_body, share),
-            position: self.last.position,
+            position: standing.position,
             posture: standing.posture.interpolated(&self.last.posture, share),
         }
     }

@@ -3,6 +3,7 @@
 use bodyflight_core::suit::mounting::{March, MountingError, Stances, fit};
 use bodyflight_core::suit::rest::Rest;
 use bodyflight_core::suit::set::Fitted;
+use bodyflight_core::suit::strapdown::Strapdown;
 use bodyflight_core::suit::tray::{Gyroscope, TurnError, Turns};
 use bodyflight_core::{Body, Segment};
 use bodyflight_io::diagnostic::{Problem, Result};
@@ -10,39 +11,54 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::mapping::{ImuMapping, SensorRow, Windows};
 use super::stream::Stream;
-use super::windows::{Found, completed};
+use super::windows::Found;
 
 /// Standard deviation of the angular velocity of a person who stands still (rad/s), while a bias is taken.
 const SWAY: f64 = 0.002;
+/// Angle between up by the rates and by the forces from which they contradict each other (rad).
+const DISAGREEMENT: f64 = 0.35;
 
 /// A set of sensors that are ready for use.
-pub struct Calibrated {
+pub(super) struct Calibrated {
     /// In the order of the streams.
-    pub fitted: Vec<Fitted<f64>>,
+    pub(super) fitted: Vec<Fitted<f64>>,
     /// End of the upright pose (s), in which attitudes begin.
-    pub begin_s: f64,
+    pub(super) begin_s: f64,
+    /// Direction of up at the pelvis' sensor in the upright pose.
+    pub(super) pelvis_up: Vector3<f64>,
     /// End of the last window (s).
-    pub end_s: f64,
+    pub(super) end_s: f64,
     /// Remarks.
-    pub notes: Vec<String>,
+    pub(super) notes: Vec<String>,
+}
+
+impl Calibrated {
+    /// Place of the sensor on the pelvis, in its frame (m).
+    pub(super) fn pelvis_place(&self) -> Vector3<f64> {
+        let pelvis = self
+            .fitted
+            .iter()
+            .find(|fitted| fitted.segment == Segment::Pelvis);
+        pelvis.map_or_else(Vector3::zeros, |fitted| fitted.place)
+    }
 }
 
 /// Calibrates all sensors.
 ///
 /// # Errors
 /// Returns an error that names the sensor and the window if a pose was not held, or does not show a mounting.
-pub fn calibrated(
+pub(super) fn calibrated(
     mapping: &ImuMapping,
-    sensors: &[(Segment, Stream)],
+    windows: &Found,
+    sensors: &[(Segment, &Stream)],
     body: &Body<f64>,
 ) -> Result<Calibrated> {
     let given = &mapping.calibration;
-    let windows = completed(given, sensors, mapping.flight.begin_s)?;
     let mut notes: Vec<String> = windows.note.iter().cloned().collect();
     let rows = mapping.rows()?;
     let mut fitted = Vec::new();
     for ((segment, stream), (_, row)) in sensors.iter().zip(&rows) {
-        let one = sensor(*segment, stream, &windows, given, &mut notes)
+        let one = sensor(*segment, stream, windows, given, &mut notes)
             .map_err(|problem| problem.at(format!("sensor {}", segment.name())))?;
         fitted.push(placed(one, row, body));
     }
@@ -58,12 +74,22 @@ pub fn calibrated(
     Ok(Calibrated {
         fitted,
         begin_s: windows.upright[1],
+        pelvis_up: pelvis_up(windows, sensors)?,
         end_s: ends
             .into_iter()
             .flatten()
             .fold(0.0, |end, [_, to]| end.max(to)),
         notes,
     })
+}
+
+fn pelvis_up(windows: &Found, sensors: &[(Segment, &Stream)]) -> Result<Vector3<f64>> {
+    let pelvis = sensors
+        .iter()
+        .find(|(segment, _)| *segment == Segment::Pelvis);
+    let (_, stream) =
+        pelvis.ok_or_else(|| Problem::bad_input("expected a sensor on the pelvis"))?;
+    up(&held(stream, windows.upright, "upright_s")?, "upright_s")
 }
 
 fn placed(fitted: Fitted<f64>, row: &SensorRow, body: &Body<f64>) -> Fitted<f64> {
@@ -88,6 +114,14 @@ fn sensor(
         Some(window) => Some(up(&held(stream, window, "bent_s")?, "bent_s")?),
         None => None,
     };
+    if let (Some(window), Some(bent)) = (windows.bent, &bent) {
+        agrees(
+            stream,
+            &gyroscope,
+            [windows.upright, window],
+            [&up(&upright, "upright_s")?, bent],
+        )?;
+    }
     let march = windows.march.map(|window| {
         let mut march = March::default();
         for (step, reading) in stream.within(window) {
@@ -119,6 +153,31 @@ fn sensor(
         mounting,
         range: None,
     })
+}
+
+/// Checks that the rates turn up from one pose into that of the next (sensor axes).
+fn agrees(
+    stream: &Stream,
+    gyroscope: &Gyroscope<f64>,
+    [from, to]: [[f64; 2]; 2],
+    [before, after]: [&Vector3<f64>; 2],
+) -> Result<()> {
+    let middle = |[begin, end]: [f64; 2]| 0.5 * (begin + end);
+    let mut turned = Strapdown::new(UnitQuaternion::identity());
+    for (step, reading) in stream.within([middle(from), middle(to)]) {
+        turned.advance(&gyroscope.corrected(&reading.angular_velocity), step);
+    }
+    let expected = turned.reference_from_sensor.inverse() * before;
+    let off = expected.angle(after);
+    if off < DISAGREEMENT {
+        return Ok(());
+    }
+    let message = format!(
+        "rates and forces contradict each other between upright_s and bent_s: the rates turn it by {:.0} degrees, and up is {:.0} degrees from where that leads",
+        turned.reference_from_sensor.angle().to_degrees(),
+        off.to_degrees()
+    );
+    Err(Problem::bad_input(message).help("the axes of both must be the same and right-handed; check the order and signs of their columns, and the unit of the angular velocity"))
 }
 
 fn gyroscope(

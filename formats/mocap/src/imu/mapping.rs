@@ -14,6 +14,8 @@ use serde::Deserialize;
 pub const KIND: &str = "imu";
 /// Longest recording (s).
 const LONGEST: f64 = 1e5;
+/// Largest delay of a clock (s).
+const LATEST: f64 = 1e5;
 
 /// A mapping as written in the file.
 #[derive(Debug, Clone, Deserialize)]
@@ -43,16 +45,22 @@ pub struct ImuMapping {
 pub struct Columns {
     /// Time of the sample, or a counter.
     pub time: Option<String>,
+    /// Column with the number of the sample, for files whose column of times is empty; it needs a rate.
+    pub counter: Option<String>,
     /// Length of one unit of the time (s).
     #[serde(default = "one")]
     pub time_unit_s: f64,
     /// Angular velocity about the sensor's x, y and z.
-    pub angular_velocity: [String; 3],
+    pub angular_velocity: Option<[String; 3]>,
+    /// Orientation by the sensor's own fusion, a quaternion w, x, y, z from the sensor to level axes, instead of rates.
+    pub orientation: Option<[String; 4]>,
     /// Unit of the angular velocity.
     #[serde(default)]
     pub angular_velocity_unit: RateUnit,
     /// Specific force along x, y and z: at rest it points up.
-    pub specific_force: [String; 3],
+    pub specific_force: Option<[String; 3]>,
+    /// Acceleration without gravity in the level axes of the orientation, instead of the specific force.
+    pub free_acceleration: Option<[String; 3]>,
     /// Unit of the specific force.
     #[serde(default)]
     pub specific_force_unit: ForceUnit,
@@ -148,28 +156,65 @@ pub struct SensorRow {
     pub place_m: Option<[f64; 3]>,
     /// Largest angular velocity that it can read (deg/s).
     pub range_dps: Option<f64>,
+    /// How late its clock is (s): taken from its times.
+    #[serde(default)]
+    pub late_s: f64,
 }
 
-/// Columns and units of programs that export raw data.
-pub const FORMATS: [&str; 2] = ["mt-manager", "dot"];
+/// The format of recordings of MVN, which have no columns.
+const MVNX: &str = "mvnx";
+
+/// Columns and units of programs that export raw data, or that of the sensors' fusion.
+pub const FORMATS: [&str; 5] = ["mt-manager", "dot", "mt-manager-fused", "dot-fused", MVNX];
 
 /// The columns of such a program.
 fn columns_of(format: &str) -> Option<Columns> {
     // SampleTimeFine counts 100 us in MT Manager, 1 us in Xsens DOT.
-    let (tick, unit) = match format {
-        "mt-manager" => (1e-4, RateUnit::Radians),
-        "dot" => (1e-6, RateUnit::Degrees),
+    let (program, is_fused) = match format.strip_suffix("-fused") {
+        Some(program) => (program, true),
+        None => (format, false),
+    };
+    let (tick, unit, parts) = match program {
+        "mt-manager" => (1e-4, RateUnit::Radians, ["q0", "q1", "q2", "q3"]),
+        "dot" => (1e-6, RateUnit::Degrees, ["W", "X", "Y", "Z"]),
         _ => return None,
     };
     let three = |name: &str| ["X", "Y", "Z"].map(|axis| format!("{name}_{axis}"));
     Some(Columns {
         time: Some("SampleTimeFine".to_owned()),
+        counter: Some("PacketCounter".to_owned()),
         time_unit_s: tick,
-        angular_velocity: three("Gyr"),
+        angular_velocity: (!is_fused).then(|| three("Gyr")),
+        orientation: is_fused.then(|| parts.map(|part| format!("Quat_{part}"))),
         angular_velocity_unit: unit,
-        specific_force: three("Acc"),
+        // MT Manager writes the accelerometer beside the orientation, DOT does not.
+        specific_force: (!is_fused || program == "mt-manager").then(|| three("Acc")),
+        free_acceleration: (is_fused && program == "dot").then(|| three("FreeAcc")),
         specific_force_unit: ForceUnit::Si,
     })
+}
+
+impl Columns {
+    fn check(&self) -> Result<()> {
+        let problem = |what: &str| Err(Problem::bad_input(what.to_owned()).at("table columns"));
+        if self.angular_velocity.is_some() == self.orientation.is_some() {
+            return problem("expected either angular_velocity or orientation");
+        }
+        if self.specific_force.is_some() == self.free_acceleration.is_some() {
+            return problem("expected either specific_force or free_acceleration");
+        }
+        if self.free_acceleration.is_some() && self.orientation.is_none() {
+            return problem("free_acceleration is in the axes of an orientation, which is missing");
+        }
+        Ok(())
+    }
+
+    /// Name of a column that every file has.
+    pub(super) fn first(&self) -> &str {
+        let rates = self.angular_velocity.as_ref().map(|[x, ..]| x);
+        let turns = self.orientation.as_ref().map(|[w, ..]| w);
+        rates.or(turns).map_or("", String::as_str)
+    }
 }
 
 impl ImuMapping {
@@ -204,6 +249,11 @@ impl ImuMapping {
             toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
         mapping.check().map_err(|problem| problem.in_file(path))?;
         Ok(mapping)
+    }
+
+    /// Whether the sensors are in a recording of MVN, which has no columns.
+    pub(super) fn is_mvnx(&self) -> bool {
+        self.format.as_deref() == Some(MVNX) && self.columns.is_none()
     }
 
     /// The columns, as given or those of the format.
@@ -241,7 +291,6 @@ impl ImuMapping {
     }
 
     fn check(&self) -> Result<()> {
-        let columns = self.columns()?;
         let positive = |name: &str, value: f64, most: f64| {
             if value > 0.0 && value <= most {
                 return Ok(());
@@ -249,14 +298,18 @@ impl ImuMapping {
             let message = format!("expected more than 0 and at most {most}, found {value}");
             Err(Problem::bad_input(message).at(format!("field {name}")))
         };
-        positive("columns.time_unit_s", columns.time_unit_s, 10.0)?;
+        if !self.is_mvnx() {
+            let columns = self.columns()?;
+            columns.check()?;
+            positive("columns.time_unit_s", columns.time_unit_s, 10.0)?;
+            if columns.time.is_none() && self.rate_hz.is_none() {
+                return Err(Problem::bad_input(
+                    "expected columns.time or rate_hz, found neither",
+                ));
+            }
+        }
         if let Some(rate) = self.rate_hz {
             positive("rate_hz", rate, 10_000.0)?;
-        }
-        if columns.time.is_none() && self.rate_hz.is_none() {
-            return Err(Problem::bad_input(
-                "expected columns.time or rate_hz, found neither",
-            ));
         }
         let windows = &self.calibration;
         let named = [
@@ -281,6 +334,11 @@ impl ImuMapping {
                 let message = format!("expected three numbers within 1 m, found {place:?}");
                 return Err(Problem::bad_input(message)
                     .at(format!("field sensors.{}.place_m", segment.name())));
+            }
+            if row.late_s.is_nan() || row.late_s.abs() > LATEST {
+                let message = format!("expected within {LATEST} s, found {}", row.late_s);
+                return Err(Problem::bad_input(message)
+                    .at(format!("field sensors.{}.late_s", segment.name())));
             }
             if let Some(range) = row.range_dps {
                 positive(&format!("sensors.{}.range_dps", segment.name()), range, 1e5)?;
@@ -329,6 +387,13 @@ mod tests {
             (
                 format!("{HEAD}{pelvis}place_m = [0, 0, 9]\n"),
                 ["sensors.pelvis.place_m", "9"],
+            ),
+            (
+                format!(
+                    "kind = \"imu\"\nrate_hz = 60\n[columns]\nangular_velocity = [\"x\", \"y\", \"z\"]\n\
+                     free_acceleration = [\"a\", \"b\", \"c\"]\n{pelvis}"
+                ),
+                ["table columns", "orientation"],
             ),
             (
                 format!("{HEAD}rate = 3\n{pelvis}"),

@@ -4,17 +4,25 @@ use std::path::Path;
 
 use bodyflight_core::suit::strapdown::Reading;
 use bodyflight_io::diagnostic::{Problem, Result};
-use nalgebra::Vector3;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
+use super::fused::{Turning, with_gravity};
 use super::mapping::Columns;
 use crate::table::Table;
 
 /// Intervals between samples, as multiples of the usual one, up to which readings are interpolated.
 const BRIDGED: f64 = 3.5;
+/// Most lines of description above the names.
+const HEAD_LINES: usize = 40;
 /// Fewest samples of a sensor.
 const FEWEST: usize = 100;
 /// Range of usable rates (Hz).
 const RATES: [f64; 2] = [20.0, 4000.0];
+/// Readings in a row that are as great as the greatest, if rates are cut off; how much they may differ, as a share; and the
+/// least range of a gyroscope (rad/s).
+const CLIPPED: usize = 6;
+const ALIKE: f64 = 1e-6;
+const SLOWEST_RANGE: f64 = 0.8;
 /// Range of a counter that wraps.
 const WRAPS: [f64; 3] = [65_536.0, 4_294_967_296.0, 256.0];
 
@@ -36,13 +44,94 @@ pub struct Stream {
 /// Where the numbers of a table are.
 struct Places {
     time: Option<usize>,
-    rate: [usize; 3],
+    rate: Option<[usize; 3]>,
+    turn: Option<[usize; 4]>,
     force: [usize; 3],
+    /// Whether the force is without gravity and in level axes.
+    is_free: bool,
+    /// Length of one unit of the time, or of one row (s).
+    unit_s: f64,
+    /// Units of rate (rad/s) and force (m/s2).
+    units: [f64; 2],
+}
+
+impl Places {
+    fn of(table: &Table, columns: &Columns, prefix: &str, rate_hz: Option<f64>) -> Result<Self> {
+        let named = |name: &String| table.column(&format!("{prefix}{name}"));
+        let three = |names: &[String; 3]| -> Result<[usize; 3]> {
+            let [x, y, z] = names;
+            Ok([named(x)?, named(y)?, named(z)?])
+        };
+        let turn = match &columns.orientation {
+            Some([w, x, y, z]) => Some([named(w)?, named(x)?, named(y)?, named(z)?]),
+            None => None,
+        };
+        let forces = columns.specific_force.as_ref();
+        let forces = forces.or(columns.free_acceleration.as_ref());
+        let forces = forces.ok_or_else(|| Problem::bad_input("expected specific_force"))?;
+        let either = |name: &String| named(name).or_else(|_| table.column(name));
+        let filled =
+            |column: &usize| (0..table.rows()).any(|row| table.value(row, *column).is_finite());
+        // Sensors on a cable and those of a station may leave the time empty, but count.
+        let time = columns
+            .time
+            .as_ref()
+            .map(either)
+            .transpose()?
+            .filter(filled);
+        let counter = columns.counter.as_ref().and_then(|name| either(name).ok());
+        let (time, unit_s) = match (time, counter.filter(filled), rate_hz) {
+            (Some(time), ..) => (Some(time), columns.time_unit_s),
+            (None, Some(counter), Some(rate)) => (Some(counter), 1.0 / rate),
+            (None, None, Some(rate)) => (None, 1.0 / rate),
+            (None, _, None) => {
+                return Err(Problem::bad_input("there are no times and no rate")
+                    .help("give rate_hz, the samples per second, in the mapping"));
+            }
+        };
+        Ok(Self {
+            time,
+            unit_s,
+            rate: columns.angular_velocity.as_ref().map(three).transpose()?,
+            turn,
+            force: three(forces)?,
+            is_free: columns.specific_force.is_none(),
+            units: [
+                columns.angular_velocity_unit.radians(),
+                columns.specific_force_unit.metres(),
+            ],
+        })
+    }
+
+    /// A row's reading at a time (s); its numbers are not finite if one is missing.
+    fn reading(&self, table: &Table, row: usize, time: f64, turning: &mut Turning) -> Reading<f64> {
+        let vector = |at: [usize; 3]| Vector3::from(at.map(|column| table.value(row, column)));
+        let turn = self.turn.map(|turn| {
+            let [w, x, y, z] = turn.map(|column| table.value(row, column));
+            UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+        });
+        let [of_rate, of_force] = self.units;
+        let unknown = || Vector3::repeat(f64::NAN);
+        let rate = match (self.rate, turn) {
+            (Some(rate), _) => vector(rate) * of_rate,
+            // Nothing is known of the first.
+            (None, Some(turn)) => turning.rate(time, &turn).unwrap_or_else(unknown),
+            (None, None) => unknown(),
+        };
+        let force = vector(self.force) * of_force;
+        Reading {
+            angular_velocity: rate,
+            specific_force: match turn.filter(|_| self.is_free) {
+                Some(turn) => with_gravity(&turn, &force),
+                None => force,
+            },
+        }
+    }
 }
 
 /// Reads a table whose names may follow lines of description.
 pub(super) fn table(text: &str, columns: &Columns, prefix: &str) -> Result<Table> {
-    let first = format!("{prefix}{}", columns.angular_velocity[0]);
+    let first = format!("{prefix}{}", columns.first());
     let is_head = |line: &str| {
         line.split([',', ';', '\t'])
             .any(|cell| cell.trim().trim_matches('"') == first)
@@ -71,32 +160,16 @@ impl Stream {
         prefix: &str,
         rate_hz: Option<f64>,
     ) -> Result<Self> {
-        let named = |name: &String| table.column(&format!("{prefix}{name}"));
-        let three = |names: &[String; 3]| -> Result<[usize; 3]> {
-            let [x, y, z] = names;
-            Ok([named(x)?, named(y)?, named(z)?])
-        };
-        let time = match &columns.time {
-            Some(name) => Some(named(name).or_else(|_| table.column(name))?),
-            None => None,
-        };
-        let places = Places {
-            time,
-            rate: three(&columns.angular_velocity)?,
-            force: three(&columns.specific_force)?,
-        };
+        let places = Places::of(table, columns, prefix, rate_hz)?;
         let (mut times, mut readings) = (Vec::new(), Vec::new());
         let mut clock = Clock::default();
+        let mut turning = Turning::default();
         for row in 0..table.rows() {
-            let vector = |at: [usize; 3]| Vector3::from(at.map(|column| table.value(row, column)));
-            let time = match (places.time, rate_hz) {
-                (Some(column), _) => clock.risen(table.value(row, column)) * columns.time_unit_s,
-                (None, rate) => row as f64 / rate.unwrap_or(1.0),
+            let time = match places.time {
+                Some(column) => clock.risen(table.value(row, column)) * places.unit_s,
+                None => row as f64 * places.unit_s,
             };
-            let reading = Reading {
-                angular_velocity: vector(places.rate) * columns.angular_velocity_unit.radians(),
-                specific_force: vector(places.force) * columns.specific_force_unit.metres(),
-            };
+            let reading = places.reading(table, row, time, &mut turning);
             // Rows with an empty cell are lost samples.
             if !reading.is_finite() || !time.is_finite() {
                 continue;
@@ -149,6 +222,42 @@ impl Stream {
         })
     }
 
+    /// The same samples, all earlier by so much (s).
+    #[must_use]
+    pub fn earlier(mut self, by: f64) -> Self {
+        for time in self
+            .times
+            .iter_mut()
+            .chain(self.gaps.iter_mut().map(|[begin, _]| begin))
+        {
+            *time -= by;
+        }
+        self
+    }
+
+    /// The rate (rad/s) at which readings are cut off: the greatest about an axis, if it comes many times in a row in
+    /// a window (s).
+    pub(super) fn clipped_at(&self, window: [f64; 2]) -> Option<f64> {
+        let readings = || self.within(window).map(|(_, reading)| reading);
+        let greatest = |axis: usize| {
+            let sizes = readings().map(|reading| reading.angular_velocity[axis].abs());
+            sizes.fold(0.0, f64::max)
+        };
+        let mut found: Option<f64> = None;
+        for axis in 0..3 {
+            let most = greatest(axis);
+            let mut run = 0;
+            for reading in readings() {
+                let is_most = reading.angular_velocity[axis].abs() >= most * (1.0 - ALIKE);
+                run = if is_most { run + 1 } else { 0 };
+                if run >= CLIPPED && most > SLOWEST_RANGE {
+                    found = Some(found.map_or(most, |found| found.max(most)));
+                }
+            }
+        }
+        found
+    }
+
     /// First and last sample (s).
     pub fn span(&self) -> [f64; 2] {
         [self.times.first(), self.times.last()].map(|time| time.copied().unwrap_or(0.0))
@@ -184,6 +293,17 @@ impl Stream {
         };
         (begin..end).filter_map(move |k| Some((step(k), self.readings.get(k)?)))
     }
+
+    /// The same with their times (s) first.
+    pub(super) fn timed(
+        &self,
+        window: [f64; 2],
+    ) -> impl Iterator<Item = (f64, f64, &Reading<f64>)> {
+        let begin = self.times.partition_point(|time| *time < window[0]);
+        let times = self.times.get(begin..).unwrap_or_default();
+        (times.iter().zip(self.within(window)))
+            .map(|(time, (step, reading))| (*time, step, reading))
+    }
 }
 
 /// Reads one sensor from a file.
@@ -198,7 +318,22 @@ pub(super) fn read(
 ) -> Result<Stream> {
     let text = bodyflight_io::input::utf_8(bodyflight_io::input::movement(path)?, path)?;
     let table = table(&text, columns, prefix).map_err(|problem| problem.in_file(path))?;
-    Stream::of(&table, columns, prefix, rate_hz).map_err(|problem| problem.in_file(path))
+    Stream::of(
+        &table,
+        columns,
+        prefix,
+        rate_hz.or_else(|| stated_rate(&text)),
+    )
+    .map_err(|problem| problem.in_file(path))
+}
+
+/// The rate (Hz) that MT Manager writes above the names: "// Update Rate: 100.0Hz".
+fn stated_rate(text: &str) -> Option<f64> {
+    let head = text.lines().take(HEAD_LINES);
+    let (_, rate) = (head.filter_map(|line| line.split_once("Update Rate:"))).next()?;
+    let rate = rate.trim().trim_end_matches("Hz").trim().parse();
+    rate.ok()
+        .filter(|rate: &f64| *rate > 0.0 && rate.is_finite())
 }
 
 /// A counter that may wrap.
@@ -227,6 +362,8 @@ impl Clock {
 
 #[cfg(test)]
 mod tests {
+    use bodyflight_core::air::STANDARD_GRAVITY;
+
     use super::super::mapping::ImuMapping;
     use super::*;
 
@@ -268,6 +405,51 @@ mod tests {
         assert!((rate(20.0).unwrap() - 20.0).abs() < 0.01, "interpolated");
         assert!(rate(110.0).is_none(), "a gap");
         assert_eq!(stream.within([begin + 1.0, begin + 1.1]).count(), 6);
+    }
+
+    /// As stations of Xsens write: five lines of description, no times, and a counter that wraps.
+    #[test]
+    fn a_file_without_times_is_read_by_its_counter_and_stated_rate() {
+        let mut text = "// Start Time: Unknown\n// Update Rate: 100.0Hz\n\
+            PacketCounter,SampleTimeFine,Acc_X,Acc_Y,Acc_Z,Gyr_X,Gyr_Y,Gyr_Z\n"
+            .to_owned();
+        for k in (0..300_u32).filter(|k| *k != 150) {
+            text += &format!("{},,0,0,9.8,{k},0,0\n", (65_400 + k) % 65_536);
+        }
+        let columns = columns("mt-manager");
+        let table = table(&text, &columns, "").unwrap();
+        let stream = Stream::of(&table, &columns, "", stated_rate(&text)).unwrap();
+        let [begin, end] = stream.span();
+        assert!((end - begin - 2.99).abs() < 1e-6, "{begin} {end}");
+        assert!((stream.lost - 1.0 / 299.0).abs() < 1e-4, "{}", stream.lost);
+        let said = Stream::of(&table, &columns, "", None).unwrap_err();
+        assert!(said.to_string().contains("no rate"), "{said}");
+    }
+
+    /// What a sensor's own fusion made of its readings becomes readings again.
+    #[test]
+    fn rates_and_forces_follow_from_orientations_and_free_accelerations() {
+        let mut text =
+            "PacketCounter,SampleTimeFine,Quat_W,Quat_X,Quat_Y,Quat_Z,FreeAcc_X,FreeAcc_Y,FreeAcc_Z\n"
+                .to_owned();
+        // It leans forwards about X at 1 rad/s, and is pushed to the north.
+        for k in 0..200_u32 {
+            let half = 0.5 * f64::from(k) / 100.0;
+            let (sine, cosine) = half.sin_cos();
+            text += &format!("{k},{},{cosine},{sine},0,0,2,0,0\n", 10_000 * k);
+        }
+        let columns = columns("dot-fused");
+        let table = table(&text, &columns, "").unwrap();
+        let stream = Stream::of(&table, &columns, "", None).unwrap();
+        assert!((stream.rate_hz - 100.0).abs() < 1e-6);
+        let reading = stream.at(1.0 + 1e-9).unwrap();
+        assert!((reading.angular_velocity - Vector3::x()).norm() < 1e-6);
+        let (sine, cosine) = 1.0_f64.sin_cos();
+        let force = Vector3::new(2.0, STANDARD_GRAVITY * sine, STANDARD_GRAVITY * cosine);
+        assert!(
+            (reading.specific_force - force).norm() < 1e-6,
+            "{reading:?}"
+        );
     }
 
     #[test]

@@ -46,7 +46,7 @@ pub(super) struct Found {
 /// Returns an error if no upright pose is given or found.
 pub(super) fn completed(
     given: &Windows,
-    sensors: &[(Segment, Stream)],
+    sensors: &[(Segment, &Stream)],
     until: Option<f64>,
 ) -> Result<Found> {
     let mut found = Found {
@@ -126,7 +126,7 @@ fn inner([from, to]: [f64; 2]) -> [f64; 2] {
 }
 
 /// Rests of all sensors, in order of time.
-fn rests(sensors: &[(Segment, Stream)], until: Option<f64>) -> Vec<Still> {
+fn rests(sensors: &[(Segment, &Stream)], until: Option<f64>) -> Vec<Still> {
     let spans = || sensors.iter().map(|(_, stream)| stream.span());
     let begin = spans()
         .map(|[begin, _]| begin)
@@ -171,7 +171,7 @@ fn rests(sensors: &[(Segment, Stream)], until: Option<f64>) -> Vec<Still> {
     found
 }
 
-fn close(window: [f64; 2], sensors: &[(Segment, Stream)], found: &mut Vec<Still>) {
+fn close(window: [f64; 2], sensors: &[(Segment, &Stream)], found: &mut Vec<Still>) {
     if window[1] - window[0] < SHORTEST {
         return;
     }
@@ -181,7 +181,7 @@ fn close(window: [f64; 2], sensors: &[(Segment, Stream)], found: &mut Vec<Still>
 }
 
 /// Direction of up in the axes of the pelvis' sensor.
-fn up(sensors: &[(Segment, Stream)], window: [f64; 2]) -> Option<Vector3<f64>> {
+fn up(sensors: &[(Segment, &Stream)], window: [f64; 2]) -> Option<Vector3<f64>> {
     let mut rest = Rest::default();
     let (_, stream) = sensors.iter().find(|(s, _)| *s == Segment::Pelvis)?;
     stream

@@ -2,15 +2,21 @@
 
 use std::path::Path;
 
+use bodyflight_core::suit::clock::Clocks;
 use bodyflight_core::suit::set::{SetError, Suit, SuitPosture};
-use bodyflight_core::suit::watch::Fault;
 use bodyflight_core::{Body, Posture, Segment, SegmentArray};
 use bodyflight_io::diagnostic::{Problem, Result};
 use nalgebra::Vector3;
 
 use super::calibration::{Calibrated, calibrated};
+use super::checks::{FirstPose, Joints};
+use super::clocks::{self, Late};
+use super::doubts::Doubts;
+use super::exchange::Calibration;
 use super::mapping::ImuMapping;
+use super::mvnx;
 use super::stream::{self, Stream};
+use super::windows::completed;
 
 /// Range of rates of postures (Hz).
 const RATES: [f64; 2] = [50.0, 240.0];
@@ -45,6 +51,13 @@ pub struct Worn {
 /// # Errors
 /// Returns an error if a file cannot be read, or does not follow the mapping.
 pub fn sensors(mapping: &ImuMapping, path: &Path) -> Result<Vec<(Segment, Stream)>> {
+    if mapping.is_mvnx() {
+        let rows = mapping.rows()?;
+        let streams = mvnx::streams(path, &rows)?.into_iter().zip(rows);
+        let earlier =
+            streams.map(|((segment, stream), (_, row))| (segment, stream.earlier(row.late_s)));
+        return Ok(earlier.collect());
+    }
     let columns = mapping.columns()?;
     let mut found = Vec::new();
     for (segment, row) in mapping.rows()? {
@@ -60,7 +73,7 @@ pub fn sensors(mapping: &ImuMapping, path: &Path) -> Result<Vec<(Segment, Stream
         };
         let stream = stream::read(&file, &columns, &row.prefix, mapping.rate_hz)
             .map_err(|problem| problem.at(format!("sensor {}", segment.name())))?;
-        found.push((segment, stream));
+        found.push((segment, stream.earlier(row.late_s)));
     }
     Ok(found)
 }
@@ -75,19 +88,30 @@ pub fn worn(
     body: &Body<f64>,
     progress: &mut dyn FnMut(f64) -> Result<()>,
 ) -> Result<Worn> {
-    let calibrated = calibrated(mapping, sensors, body)?;
+    let sensors: Vec<(Segment, &Stream)> = sensors.iter().map(|(s, stream)| (*s, stream)).collect();
+    let sensors = sensors.as_slice();
+    let windows = completed(&mapping.calibration, sensors, mapping.flight.begin_s)?;
+    let ground = Calibration {
+        mapping,
+        windows: &windows,
+        body,
+    };
+    let calibrated = calibrated(mapping, &windows, sensors, body)
+        .map_err(|problem| with_remedy(problem, ground.remedy(sensors)))?;
     let mut notes = calibrated.notes.clone();
     notes.extend(remarks(sensors));
+    let mut doubts = Doubts::default();
+    doubts.exchanged(ground.exchange(sensors, &calibrated.fitted));
+    let in_tray = clocks::in_tray(&mapping.calibration.turns_s, sensors, &calibrated.fitted);
     let window = flight(mapping, sensors, &calibrated)?;
     let rate_hz = common_rate(sensors);
-    let count = ((window[1] - window[0]) * rate_hz).floor();
-    if count > FRAME_LIMIT {
-        let message = format!("expected at most {FRAME_LIMIT} frames, found {count}");
-        return Err(Problem::bad_input(message));
-    }
+    let count = frame_count(window, rate_hz)?;
     let mut suit = Box::new(
         Suit::<f64, 16>::new(&calibrated.fitted, body, &Posture::h_pose()).map_err(set_problem)?,
     );
+    let mut clocks = Clocks::default();
+    let mut first_pose = FirstPose::new(calibrated.pelvis_up);
+    let mut joints = Joints::new();
     let mut readings = vec![None; sensors.len()];
     let mut frames = Vec::new();
     let mut squares = SegmentArray::from_fn(|_| 0.0);
@@ -101,8 +125,14 @@ pub fn worn(
         }
         suit.set_on_ground(frame < 0.0);
         suit.push(&readings, 1.0 / rate_hz);
-        if frame >= 0.0 {
+        if frame < 0.0 {
+            clocks.take(&suit, 1.0 / rate_hz);
+            if time > calibrated.end_s {
+                first_pose.take(time, sensors, || suit.posture());
+            }
+        } else {
             let posture = suit.posture();
+            joints.take(frame / rate_hz, 1.0 / rate_hz, &posture);
             for (segment, orientation) in posture.orientations.iter() {
                 squares[segment] += orientation.deviation().powi(2);
             }
@@ -113,23 +143,56 @@ pub fn worn(
         }
         frame += 1.0;
     }
+    doubts.late(&in_tray.unwrap_or_else(|| late_as_worn(&suit, &clocks)));
+    doubts.moved(&first_pose.moved);
+    doubts.read(mapping, sensors, window);
+    doubts.failed(suit.faults());
+    doubts.bent(&joints.bent);
     let flown = frames.len().max(1) as f64;
+    let stated = squares.map(|_, square| (square / flown).sqrt());
     Ok(Worn {
         rate_hz,
-        deviation: squares.map(|_, square| (square / flown).sqrt()),
-        pelvis_place: (calibrated.fitted.iter())
-            .find(|fitted| fitted.segment == Segment::Pelvis)
-            .map_or_else(Vector3::zeros, |fitted| fitted.place),
-        doubts: suit.faults().map(said).collect(),
+        deviation: doubts.widened(&stated),
+        pelvis_place: calibrated.pelvis_place(),
+        doubts: doubts.said,
         frames,
         notes,
     })
 }
 
+/// Frames after the first within a window (s).
+fn frame_count([from, to]: [f64; 2], rate_hz: f64) -> Result<f64> {
+    let count = ((to - from) * rate_hz).floor();
+    if count > FRAME_LIMIT {
+        let message = format!("expected at most {FRAME_LIMIT} frames, found {count}");
+        return Err(Problem::bad_input(message));
+    }
+    Ok(count)
+}
+
+/// The sensors whose clocks are late by what they feel on the body.
+fn late_as_worn(suit: &Suit<f64, 16>, clocks: &Clocks<f64, 16>) -> Vec<Late> {
+    let delays = suit.segments().zip(clocks.delays(suit));
+    let known = delays.filter_map(|(segment, delay)| delay.map(|[by, off]| (segment, by, off)));
+    clocks::worn(&known.collect::<Vec<_>>())
+}
+
+/// Adds to a refusal which exchange would explain it.
+fn with_remedy(problem: Problem, remedy: Option<[Segment; 2]>) -> Problem {
+    match remedy {
+        None => problem,
+        Some([one, other]) => problem.help(format!(
+            "with the files of {} and {} exchanged, all sensors agree with the poses",
+            one.name(),
+            other.name()
+        )),
+    }
+}
+
 /// The flight within the samples that all sensors have.
 fn flight(
     mapping: &ImuMapping,
-    sensors: &[(Segment, Stream)],
+    sensors: &[(Segment, &Stream)],
     calibrated: &Calibrated,
 ) -> Result<[f64; 2]> {
     let last = sensors.iter().map(|(_, stream)| stream.span()[1]);
@@ -148,7 +211,7 @@ fn flight(
 }
 
 /// The usual rate of the sensors, within the range for postures.
-fn common_rate(sensors: &[(Segment, Stream)]) -> f64 {
+fn common_rate(sensors: &[(Segment, &Stream)]) -> f64 {
     let mut rates: Vec<f64> = sensors.iter().map(|(_, stream)| stream.rate_hz).collect();
     rates.sort_by(f64::total_cmp);
     let usual = rates.get(rates.len() / 2).copied().unwrap_or(RATES[0]);
@@ -157,7 +220,7 @@ fn common_rate(sensors: &[(Segment, Stream)]) -> f64 {
 }
 
 /// What the clocks of the sensors did.
-fn remarks(sensors: &[(Segment, Stream)]) -> Vec<String> {
+fn remarks(sensors: &[(Segment, &Stream)]) -> Vec<String> {
     let mut notes = Vec::new();
     for (segment, stream) in sensors {
         let name = segment.name();
@@ -178,19 +241,6 @@ fn remarks(sensors: &[(Segment, Stream)]) -> Vec<String> {
         }
     }
     notes
-}
-
-fn said((segment, fault): (Segment, Fault)) -> String {
-    let name = segment.name();
-    match fault {
-        Fault::Dead => format!("the sensor {name} sends nothing new at the end"),
-        Fault::Slipped => format!(
-            "the sensor {name} feels another force than its neighbour: it slipped, or its clock is off"
-        ),
-        Fault::Saturated => {
-            format!("the sensor {name} reached the end of its range: turns beyond it are lost")
-        }
-    }
 }
 
 fn set_problem(error: SetError) -> Problem {

@@ -1,0 +1,165 @@
+//! What is wrong with sensors, in sentences, and which segments it concerns.
+
+use bodyflight_core::suit::watch::Fault;
+use bodyflight_core::{Segment, SegmentArray};
+
+use super::checks::Bent;
+use super::clocks::Late;
+use super::exchange::Exchange;
+use super::mapping::ImuMapping;
+use super::stream::Stream;
+
+/// Standard deviation of a segment whose sensor is doubted (rad): little is known of it.
+const DOUBTED: f64 = 0.7;
+/// Gap after which a direction is not known any more (s).
+const LONG_GAP: f64 = 0.5;
+
+/// Doubts, in the order in which they were found.
+#[derive(Debug, Default)]
+pub(super) struct Doubts {
+    pub(super) said: Vec<String>,
+    segments: Vec<Segment>,
+}
+
+impl Doubts {
+    fn add(&mut self, segments: &[Segment], said: String) {
+        self.segments.extend(segments);
+        self.said.push(said);
+    }
+
+    /// Whether something has been said of a segment's sensor.
+    fn concerns(&self, segment: Segment) -> bool {
+        self.segments.contains(&segment)
+    }
+
+    pub(super) fn exchanged(&mut self, found: Option<Exchange>) {
+        let Some(Exchange { pairs, why }) = found else {
+            return;
+        };
+        let names = pairs
+            .iter()
+            .map(|pair| pair.map(Segment::name).join(" and "));
+        let names = names.collect::<Vec<_>>().join(", and ");
+        let segments: Vec<Segment> = pairs.into_iter().flatten().collect();
+        self.add(
+            &segments,
+            format!(
+                "the sensors {names} are exchanged: {why}; exchange their files in the mapping"
+            ),
+        );
+    }
+
+    pub(super) fn late(&mut self, found: &[Late]) {
+        for late in found {
+            self.add(&[late.segment], late.said());
+        }
+    }
+
+    pub(super) fn moved(&mut self, found: &[(Segment, f64)]) {
+        for (segment, by) in found {
+            if self.concerns(*segment) {
+                continue;
+            }
+            let name = segment.name();
+            self.add(&[*segment], format!(
+                "the sensor {name} is {:.0} degrees from where it was when the person stood like this first: it slipped, or was turned; fasten it and calibrate again",
+                by.to_degrees()
+            ));
+        }
+    }
+
+    /// What the readings of the flight show by themselves.
+    pub(super) fn read(
+        &mut self,
+        mapping: &ImuMapping,
+        sensors: &[(Segment, &Stream)],
+        flight: [f64; 2],
+    ) {
+        self.clipped(mapping, sensors, flight);
+        self.lost(sensors, flight);
+    }
+
+    pub(super) fn failed(&mut self, found: impl Iterator<Item = (Segment, Fault)>) {
+        for (segment, fault) in found {
+            let name = segment.name();
+            let said = match fault {
+                Fault::Dead => format!("the sensor {name} sends nothing new at the end"),
+                Fault::Slipped if self.concerns(segment) => continue,
+                Fault::Slipped => format!(
+                    "the sensor {name} feels another force than its neighbour: it slipped, its clock is off, or its axes are not what they are said to be"
+                ),
+                Fault::Saturated => format!(
+                    "the sensor {name} reached the end of its range: turns beyond it are lost"
+                ),
+            };
+            self.add(&[segment], said);
+        }
+    }
+
+    /// Gaps in the flight after which a direction is not known.
+    fn lost(&mut self, sensors: &[(Segment, &Stream)], [from, to]: [f64; 2]) {
+        for (segment, stream) in sensors {
+            let within = |gap: &&[f64; 2]| gap[0] + gap[1] > from && gap[0] < to;
+            let longest = stream
+                .gaps
+                .iter()
+                .filter(within)
+                .max_by(|a, b| a[1].total_cmp(&b[1]));
+            if let Some([begin, length]) = longest.filter(|gap| gap[1] > LONG_GAP) {
+                let name = segment.name();
+                self.add(&[*segment], format!(
+                    "the sensor {name} sent nothing for {length:.1} s from {:.1} s of the flight on, expected less than {LONG_GAP} s: how it turned meanwhile is not known",
+                    begin - from
+                ));
+            }
+        }
+    }
+
+    /// Rates that are cut off, if the range is not given.
+    fn clipped(&mut self, mapping: &ImuMapping, sensors: &[(Segment, &Stream)], flight: [f64; 2]) {
+        for (segment, stream) in sensors {
+            let row = mapping.sensors.get(segment.name());
+            let is_given = row.is_some_and(|row| row.range_dps.is_some());
+            let Some(limit) = stream.clipped_at(flight).filter(|_| !is_given) else {
+                continue;
+            };
+            let name = segment.name();
+            self.add(&[*segment], format!(
+                "the sensor {name} reads {:.0} deg/s many times in a row, and never more: it reached the end of its range, and turns beyond it are lost; set a greater range",
+                limit.to_degrees()
+            ));
+        }
+    }
+
+    /// Joints beyond their range. A sensor that is part of two of them is the one that moved.
+    pub(super) fn bent(&mut self, found: &[Bent]) {
+        let joints_of = |segment: &Segment| {
+            let has_part = |bent: &&Bent| bent.segments.contains(segment);
+            found.iter().filter(has_part).count()
+        };
+        for Bent { segments, begin_s } in found {
+            if segments.iter().any(|segment| self.concerns(*segment)) {
+                continue;
+            }
+            if let Some(segment) = segments.iter().find(|segment| joints_of(segment) > 1) {
+                let name = segment.name();
+                self.add(&[*segment], format!(
+                    "from {begin_s:.1} s of the flight on, {name} is turned to its neighbours as none is: its sensor slipped, or was turned after the calibration; fasten it and calibrate again"
+                ));
+                continue;
+            }
+            let [one, other] = segments.map(Segment::name);
+            self.add(segments, format!(
+                "from {begin_s:.1} s of the flight on, {one} bends from {other} as no joint does: one of their sensors slipped, or was turned after the calibration; fasten it and calibrate again"
+            ));
+        }
+    }
+
+    /// Standard deviations (rad), those of doubted segments as wide as is fit.
+    pub(super) fn widened(&self, stated: &SegmentArray<f64>) -> SegmentArray<f64> {
+        stated.map(|segment, deviation| match self.concerns(segment) {
+            true => deviation.max(DOUBTED),
+            false => *deviation,
+        })
+    }
+}
