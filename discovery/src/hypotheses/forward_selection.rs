@@ -2,7 +2,7 @@
 //! much more likely with it than without it.
 
 use crate::named_effect::EffectSet;
-use bodyflight_core::effect::Effect;
+use bodyflight_core::effect::{Effect, Kind};
 use bodyflight_falls::statistics::quantile_of_sorted;
 
 use crate::error::{Error, Result};
@@ -211,12 +211,16 @@ pub(crate) fn selected<'a>(
         reached(refit.progress, tried, 1.0);
         name.chance = by_chance(name.hypothesis.z_score_together(), &chance);
         let is_significant = is_significant(&name.hypothesis, &chance);
+        // Short flights do not tell what acts on the body, but any motion shows errors of sensors.
+        let is_nameable = !joint_fit.is_thin()
+            || name.hypothesis.effect.description().kind == Kind::Measurement;
         let needed = next
             .as_ref()
             .filter(|_| is_significant || nearest.is_none());
         let bars = needed.map(|next| error_bars(next, refit.progress));
         if let (Some(next), Some(bars)) = (next, &bars)
             && is_significant
+            && is_nameable
             && differs_from_neutral(&bars.pooled, names.len())
         {
             name.contest(&core::mem::take(&mut rejected));
@@ -235,6 +239,10 @@ pub(crate) fn selected<'a>(
             is_alternative: names.is_empty(),
             name,
         });
+        if is_significant && !is_nameable {
+            // The next best would be named in its place.
+            break;
+        }
     }
     Ok(Selection {
         joint_fit,
