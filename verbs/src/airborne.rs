@@ -140,8 +140,9 @@ impl Capture {
             blocks.see(frame?)?;
         }
         if blocks.seen < 3 {
-            return Err(Problem::bad_input("expected at least three frames")
-                .in_file(&flight.recording));
+            return Err(
+                Problem::bad_input("expected at least three frames").in_file(&flight.recording)
+            );
         }
         blocks.end()?;
         Ok(Self {
@@ -230,9 +231,12 @@ pub(crate) fn judged_by_rate(captures: &[&Capture]) -> Vec<Verdict> {
         let falls: Vec<Fall> = parts().map(|part| part.fall).collect();
         let momenta: Vec<Momentum> = parts().map(|part| part.momentum).collect();
         let faults = set.iter().flat_map(|capture| judged(capture).faults);
-        let lasting = faults.filter(|fault| !OF_FALLS.contains(&fault.kind));
+        let mut lasting: Vec<_> = faults
+            .filter(|fault| !OF_FALLS.contains(&fault.kind))
+            .collect();
+        lasting.dedup();
         let rate = set.first().map_or(0.0, |capture| capture.rate);
-        Verdict::of(&falls, &momenta, lasting.collect(), rate)
+        Verdict::of(&falls, &momenta, lasting, rate)
     })
     .collect()
 }

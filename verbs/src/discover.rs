@@ -93,13 +93,13 @@ fn refuse_repeated(readings: &[(&Flight, Reading)], fitted: usize) -> Result<()>
                     "frames of this flight are also in {other}, so their evidence would count twice"
                 )
             };
-            return Err(Problem::bad_input(says)
-                .in_file(&flight.recording)
-                .help(if is_confirming {
+            return Err(Problem::bad_input(says).in_file(&flight.recording).help(
+                if is_confirming {
                     "hold out another flight of the same person"
                 } else {
                     "give each flight once"
-                }));
+                },
+            ));
         }
     }
     Ok(())
@@ -152,10 +152,16 @@ pub fn discover_flights(
     let warnings = remarks.chain(of_jumps).collect();
     let tracks = |readings: &[(&Flight, Reading)]| -> Vec<RecordedFlight> {
         let each = readings.iter();
-        each.flat_map(|(_, reading)| reading.tracks.clone()).collect()
+        each.flat_map(|(_, reading)| reading.tracks.clone())
+            .collect()
     };
     let (here, there) = readings.split_at(fitted.len());
-    let mut report = discover(&tracks(here), &tracks(there), &settings, progress).map_err(problem)?;
+    let (mut fitted, mut held_out) = (tracks(here), tracks(there));
+    if there.is_empty() && here.iter().all(|(_, reading)| reading.whole.is_none()) {
+        // The later jumps of a recording confirm the earlier ones.
+        held_out = fitted.split_off(fitted.len().div_ceil(2));
+    }
+    let mut report = discover(&fitted, &held_out, &settings, progress).map_err(problem)?;
     report.warnings = warnings;
     if let (Some((flight, reading)), false) = (here.first(), report.effects.is_empty())
         && let Some(frames) = &reading.whole

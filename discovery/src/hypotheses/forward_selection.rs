@@ -212,8 +212,8 @@ pub(crate) fn selected<'a>(
         name.chance = by_chance(name.hypothesis.z_score_together(), &chance);
         let is_significant = is_significant(&name.hypothesis, &chance);
         // Short flights do not tell what acts on the body, but any motion shows errors of sensors.
-        let is_nameable = !joint_fit.is_thin()
-            || name.hypothesis.effect.description().kind == Kind::Measurement;
+        let is_nameable =
+            !joint_fit.is_thin() || name.hypothesis.effect.description().kind == Kind::Measurement;
         let needed = next
             .as_ref()
             .filter(|_| is_significant || nearest.is_none());

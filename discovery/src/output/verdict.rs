@@ -147,11 +147,19 @@ fn outcome(
 ) -> Outcome {
     let unexplained = remainders.iter().any(|left| left.is_unexplained);
     let failed = has_failed(joint_fit, remainders);
-    // A jump always leaves something: its few observations weigh names, and what remains is told.
     let is_explained = !unexplained || explained >= DECISION.explained_share;
-    if !names.is_empty() && !failed && (is_explained || joint_fit.is_thin()) {
+    // A jump always leaves something, and its fit ends near the limits of a suit: only the significance of a name counts.
+    let is_thin = joint_fit.is_thin();
+    let is_sure =
+        |name: &NamedEffect| name.hypothesis.z_score_together() > DECISION.least_z_without_held_out;
+    let is_sound = if is_thin {
+        !failed || names.iter().all(is_sure)
+    } else {
+        !failed && is_explained
+    };
+    if !names.is_empty() && is_sound {
         Outcome::Named
-    } else if joint_fit.is_thin() {
+    } else if is_thin {
         Outcome::Thin
     } else if unexplained || failed {
         Outcome::Unexplained

@@ -90,12 +90,12 @@ fn is_airless(flight: &Flight, frames: &[FlightFrame]) -> bool {
     let Some(first) = frames.first() else {
         return false;
     };
-    let air = flight
-        .dynamics(first.pelvis.position.components.z)
-        .air;
+    let air = flight.dynamics(first.pelvis.position.components.z).air;
     frames.iter().all(|frame| {
         let pelvis = &frame.pelvis;
-        let flow = pelvis.velocity.map(|velocity| velocity - air.velocity_at(&pelvis.position));
+        let flow = pelvis
+            .velocity
+            .map(|velocity| velocity - air.velocity_at(&pelvis.position));
         let density = air.density.at(pelvis.position.components.z);
         flow.is_some_and(|flow| 0.5 * density * flow.norm().powi(2) < AIRLESS)
     })
@@ -112,8 +112,8 @@ pub(super) fn judged(readings: &[(&Flight, Reading)]) -> Result<Vec<String>> {
         .collect();
     let mut remarks = Vec::new();
     for verdict in airborne::judged_by_rate(&jumps) {
-        let (refused, told): (Vec<_>, Vec<_>) = (verdict.faults.into_iter())
-            .partition(|fault| REFUSED.contains(&fault.kind));
+        let (refused, told): (Vec<_>, Vec<_>) =
+            (verdict.faults.into_iter()).partition(|fault| REFUSED.contains(&fault.kind));
         let words: Vec<String> = refused.into_iter().map(|fault| fault.message).collect();
         if !words.is_empty() {
             return Err(Problem::doubt(format!(
