@@ -2,6 +2,7 @@
 
 use bodyflight_core::Segment;
 use bodyflight_mvnx::recording::FlightFrame;
+use bodyflight_mvnx::xsens::xsens_from_segment;
 
 use crate::PROGRAM;
 use crate::faults::{planted, somersaults, turned};
@@ -79,9 +80,12 @@ fn what_no_effect_explains_is_named_before_the_search() {
     let exchanged = fails("exchanged", 1.0, true, |frames, place| {
         turned(&frames[place], |segments| {
             for left in [Segment::LeftForearm, Segment::LeftHand] {
-                let own = segments[left];
-                segments[left] = segments[left.mirrored()];
-                segments[left.mirrored()] = own;
+                // Sensors are calibrated in the T-pose, in which all attitudes are the identity in a file.
+                let right = left.mirrored();
+                let [own, other] = [left, right]
+                    .map(|side| segments[side] * xsens_from_segment(side).quaternion().inverse());
+                segments[left] = other * xsens_from_segment(left).quaternion();
+                segments[right] = own * xsens_from_segment(right).quaternion();
             }
         })
     });

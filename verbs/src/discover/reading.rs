@@ -9,8 +9,8 @@ use bodyflight_replay::flight::Flight;
 
 use crate::airborne::{self, Capture};
 
-/// Dynamic pressure (Pa) below which the air takes about a hundredth of the weight: the body falls as in `airborne`.
-const AIRLESS: f64 = 15.0;
+/// Dynamic pressure (Pa) below which the air takes about a fiftieth of the weight, less than a hundredth on average.
+const AIRLESS: f64 = 30.0;
 /// Faults that `airborne` names and no effect of the library explains. A tilt of a degree and a drift of the angular
 /// momentum are remarks: late postures, for instance, make the angular momentum drift.
 const REFUSED: [&str; 4] = ["rate", "step", "mounting", "recording"];

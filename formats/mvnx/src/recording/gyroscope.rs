@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 const LEAST: f64 = 8.0;
 /// Bias (rad/s) and relative error of scale that are told, if they also exceed so many standard errors. Rates that were
 /// smoothed are up to 2 % too small.
-const LEAST_BIAS: f64 = 0.02;
+const LEAST_BIAS: f64 = 0.03;
 const LEAST_SCALE: f64 = 0.025;
 const SURE: f64 = 4.0;
 /// The same if noise of the attitudes and noise of the rates leave the scale open: largest standard error.
