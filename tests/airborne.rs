@@ -1,6 +1,8 @@
 //! Jumps in real recordings by the real binary: found, and consistent with physics.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
+#[path = "airborne/discovered.rs"]
+mod discovered;
 #[path = "airborne/faults.rs"]
 mod faults;
 

@@ -165,17 +165,21 @@ fn judged(case: &Case, report: &Report) -> Value {
     })
 }
 
-/// Whether a name, or one indistinguishable from it, is hidden.
-fn covers(case: &Case, named: &Named) -> bool {
-    let hidden = case.names();
-    hidden.contains(&named.name)
-        || named
-            .rivals
-            .iter()
-            .any(|rival| hidden.contains(&rival.name))
+/// What is the same in a recording: the speed of the aircraft is a wind that blows from the exit on.
+const SAME: [&str; 2] = ["wind", "exit-speed"];
+
+/// Whether an effect that was named is the hidden one. That the hidden one is among its rivals does not count.
+fn is_named(named: &Named, hidden: &str) -> bool {
+    let is_same = SAME.contains(&named.name) && SAME.contains(&hidden);
+    named.name == hidden || is_same
 }
 
-/// Whether the names found are those hidden; any of several indistinguishable ones counts.
+fn covers(case: &Case, named: &Named) -> bool {
+    let names = case.names();
+    names.iter().any(|hidden| is_named(named, hidden))
+}
+
+/// Whether the names found are those hidden.
 fn is_right(case: &Case, report: &Report) -> bool {
     match case.group {
         "clean" | "maneuver" | "tunnel" => {
@@ -189,9 +193,7 @@ fn is_right(case: &Case, report: &Report) -> bool {
         }
         _ => {
             let found = |name: &&str| {
-                let meets = |named: &Named| {
-                    named.name == *name || named.rivals.iter().any(|rival| rival.name == *name)
-                };
+                let meets = |named: &Named| is_named(named, name);
                 report.effects.iter().any(meets)
             };
             let hidden = case.names();

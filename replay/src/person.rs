@@ -4,28 +4,92 @@ use bodyflight_core::{Body, Segment};
 use bodyflight_mvnx::Header;
 use bodyflight_mvnx::recording::Warning;
 
-/// Bones of the limbs: the segment of the suit and of the model, and the joints at both ends of one side.
-const BONES: [(&str, &str, &str, Segment); 4] = [
-    ("UpperLeg", "Hip", "Knee", Segment::RightThigh),
-    ("LowerLeg", "Knee", "Ankle", Segment::RightShank),
-    ("UpperArm", "Shoulder", "Elbow", Segment::RightUpperArm),
-    ("ForeArm", "Elbow", "Wrist", Segment::RightForearm),
+/// Bones of the limbs: the segment of the suit and of the model on either side, and the joints at both ends.
+const BONES: [(&str, &str, &str, [Segment; 2]); 4] = [
+    (
+        "UpperLeg",
+        "Hip",
+        "Knee",
+        [Segment::LeftThigh, Segment::RightThigh],
+    ),
+    (
+        "LowerLeg",
+        "Knee",
+        "Ankle",
+        [Segment::LeftShank, Segment::RightShank],
+    ),
+    (
+        "UpperArm",
+        "Shoulder",
+        "Elbow",
+        [Segment::LeftUpperArm, Segment::RightUpperArm],
+    ),
+    (
+        "ForeArm",
+        "Elbow",
+        "Wrist",
+        [Segment::LeftForearm, Segment::RightForearm],
+    ),
 ];
+const SIDES: [&str; 2] = ["Left", "Right"];
+/// Relative difference between left and right, in the recording against the subject, that is beyond that between the legs
+/// of people and of their skeletons.
+const UNEVEN: f64 = 0.08;
 /// Relative difference of the limbs' lengths that is beyond the few per cent between people of one stature.
 const APART: f64 = 0.15;
 
-/// Ratio of the lengths of the limbs in a recording to those of a body; `None` if the recording lacks one of them.
-fn limbs(header: &Header, body: &Body<f64>) -> Option<f64> {
-    let (mut recorded, mut modelled) = (0.0, 0.0);
-    for (segment, from, to, own) in BONES {
-        for side in ["Right", "Left"] {
+/// Lengths of a bone in a recording and in a body, left and right (m).
+type Lengths = [[f64; 2]; 2];
+
+/// The lengths of the limbs; `None` if the recording lacks one of them.
+fn limbs(header: &Header, body: &Body<f64>) -> Option<Vec<([Segment; 2], Lengths)>> {
+    let bones = BONES.into_iter().map(|(segment, from, to, own)| {
+        let mut lengths = [[0.0; 2]; 2];
+        for (k, side) in SIDES.into_iter().enumerate() {
             let at = header.segment_index(&format!("{side}{segment}"))?;
             let point = |joint: &str| header.segments[at].point(&format!("j{side}{joint}"));
-            recorded += (point(to)? - point(from)?).norm();
-            modelled += body.segments[own].length;
+            lengths[k] = [
+                (point(to)? - point(from)?).norm(),
+                body.segments[own[k]].length,
+            ];
         }
-    }
-    (recorded > 0.0 && modelled > 0.0).then(|| recorded / modelled)
+        let is_known = lengths.iter().flatten().all(|length| *length > 0.0);
+        is_known.then_some((own, lengths))
+    });
+    bones.collect()
+}
+
+/// Ratio of the lengths of all limbs in a recording to those of a body.
+fn stature(bones: &[([Segment; 2], Lengths)]) -> f64 {
+    let sum = |of: usize| -> f64 {
+        let each = bones.iter().flat_map(|(_, sides)| sides.iter());
+        each.map(|lengths| lengths[of]).sum()
+    };
+    sum(0) / sum(1)
+}
+
+/// Bones whose two sides differ in the subject, but not so in the recording, in sentences.
+fn uneven(bones: &[([Segment; 2], Lengths)]) -> Vec<(Segment, String)> {
+    let whole = stature(bones);
+    let of = |(own, sides): &([Segment; 2], Lengths)| {
+        let ratios = sides.map(|[recorded, modelled]| recorded / modelled);
+        if (ratios[0] / ratios[1]).ln().abs() < UNEVEN {
+            return None;
+        }
+        // The side that fits the other bones less is the one that is wrong.
+        let off = ratios.map(|ratio| (ratio / whole).ln().abs());
+        let (wrong, right) = if off[0] > off[1] { (0, 1) } else { (1, 0) };
+        let [recorded, modelled] = sides[wrong];
+        let message = format!(
+            "{} is {modelled:.3} m long in the subject and {recorded:.3} m in the recording ({:.2} times), {} {:.2} times: the length of one is wrong",
+            own[wrong].name(),
+            ratios[wrong],
+            own[right].name(),
+            ratios[right]
+        );
+        Some((own[wrong], message))
+    };
+    bones.iter().filter_map(of).collect()
 }
 
 /// Body mass index with equipment (kg/m2) outside of which nobody jumps: a mass is in another unit, or another person's.
@@ -57,7 +121,14 @@ pub fn compared(header: &Header, body: &Body<f64>, stated: bool) -> Vec<Warning>
         span_s: None,
         is_fault,
     };
-    let ratio = limbs(header, body).filter(|ratio| (ratio - 1.0).abs() > APART);
+    let bones = limbs(header, body);
+    let ratio = bones.as_deref().map(stature);
+    let ratio = ratio.filter(|ratio| (ratio - 1.0).abs() > APART);
+    let uneven = bones.as_deref().map(uneven).unwrap_or_default();
+    let uneven = uneven.into_iter().map(|(segment, message)| Warning {
+        segment: Some(segment.name().to_owned()),
+        ..remark(message, false)
+    });
     let other = ratio.map(|ratio| {
         let whose = if stated {
             "the subject's"
@@ -70,5 +141,46 @@ pub fn compared(header: &Header, body: &Body<f64>, stated: bool) -> Vec<Warning>
     });
     let unlikely = unlikely(body).filter(|_| stated);
     let unlikely = unlikely.map(|message| remark(message, true));
-    other.into_iter().chain(unlikely).collect()
+    other.into_iter().chain(uneven).chain(unlikely).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bodyflight_mvnx::header::{PointDefinition, SegmentDefinition};
+    use nalgebra::Vector3;
+
+    use crate::subject::Subject;
+
+    /// The header of a recording of a person whose limbs are as long as those of a body.
+    fn header(body: &Body<f64>) -> Header {
+        let mut header = Header::default();
+        for (name, from, to, own) in BONES {
+            for (side, segment) in SIDES.into_iter().zip(own) {
+                let point = |joint: &str, length: f64| PointDefinition {
+                    label: format!("j{side}{joint}"),
+                    position: Vector3::z() * -length,
+                };
+                header.segments.push(SegmentDefinition {
+                    label: format!("{side}{name}"),
+                    points: vec![point(from, 0.0), point(to, body.segments[segment].length)],
+                });
+            }
+        }
+        header
+    }
+
+    #[test]
+    fn a_limb_of_another_length_on_one_side_is_named_with_both_lengths() {
+        let body = Subject::default().body();
+        let recorded = header(&body);
+        assert_eq!(compared(&recorded, &body, true), []);
+        let mut wrong = body;
+        wrong.segments[Segment::RightThigh].length *= 1.15;
+        let said = compared(&recorded, &wrong, true);
+        assert_eq!(said.len(), 1, "{said:?}");
+        assert_eq!(said[0].segment.as_deref(), Some("r_thigh"));
+        let words = "in the recording (0.87 times), l_thigh 1.00 times";
+        assert!(said[0].message.contains(words), "{said:?}");
+    }
 }

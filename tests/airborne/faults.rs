@@ -15,9 +15,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 use crate::{PROGRAM, acrobatics};
 
 /// Frames of a capture, its rate (Hz), and its person.
-struct Capture {
+pub(super) struct Capture {
     name: &'static str,
-    frames: Vec<FlightFrame>,
+    pub(super) frames: Vec<FlightFrame>,
     rate: f64,
     subject: Option<PathBuf>,
 }
@@ -31,9 +31,9 @@ fn frames(path: &Path) -> (Vec<FlightFrame>, f64) {
     )
 }
 
-/// The bundled somersaults, and two jumps of the CMU library.
-fn captures(folder: &Path) -> Vec<Capture> {
-    let mut all: Vec<Capture> = [
+/// The bundled somersaults.
+pub(super) fn somersaults() -> Vec<Capture> {
+    [
         ("flight-1", "subject-1.toml"),
         ("flight-3", "subject-3.toml"),
     ]
@@ -48,7 +48,12 @@ fn captures(folder: &Path) -> Vec<Capture> {
             subject,
         }
     })
-    .collect();
+    .collect()
+}
+
+/// The bundled somersaults, and two jumps of the CMU library.
+fn captures(folder: &Path) -> Vec<Capture> {
+    let mut all = somersaults();
     let out = folder.join("cmu");
     let file = acrobatics().join("../cmu/01_01.amc.gz");
     // A jump with its run-up is no fall, which import says.
@@ -65,7 +70,7 @@ fn captures(folder: &Path) -> Vec<Capture> {
 }
 
 /// Attitudes of all segments, changed by a function.
-fn turned(
+pub(super) fn turned(
     frame: &FlightFrame,
     change: impl Fn(&mut SegmentArray<UnitQuaternion<f64>>),
 ) -> FlightFrame {
@@ -176,14 +181,37 @@ fn verdict(
     keeps_places: bool,
     change: impl Fn(&FlightFrame, bool) -> FlightFrame,
 ) -> Verdict {
+    // A file that was read is never written again by the same process.
+    let folder = tempfile::tempdir_in(folder).expect("a folder");
+    let flight = planted(
+        folder.path(),
+        capture,
+        rate,
+        keeps_places,
+        |frame, is_concerned| {
+            let mut changed = change(frame, is_concerned);
+            changed.pelvis.velocity = None;
+            changed.pelvis.angular_velocity = None;
+            changed
+        },
+    );
+    let capture = bodyflight_verbs::airborne::Capture::read(Path::new(&flight)).expect("a capture");
+    bodyflight_verbs::airborne::judged(&capture)
+}
+
+/// Writes a capture after a change into a folder, and returns its flight.
+pub(super) fn planted(
+    folder: &Path,
+    capture: &Capture,
+    rate: f64,
+    keeps_places: bool,
+    change: impl Fn(&FlightFrame, bool) -> FlightFrame,
+) -> String {
     let subject = capture
         .subject
         .as_deref()
         .map(|path| Subject::read(path).expect("a subject"));
     let body = subject.unwrap_or_default().body();
-    // A file that was read is never written again by the same process.
-    let folder = tempfile::tempdir_in(folder).expect("a folder");
-    let folder = folder.path();
     let write = |name: &str, change: &dyn Fn(&FlightFrame, bool) -> FlightFrame| {
         let file = folder.join(name);
         let description = Description {
@@ -198,8 +226,6 @@ fn verdict(
         for (k, frame) in capture.frames.iter().enumerate() {
             let mut changed = change(frame, (count / 2..count / 2 + 20).contains(&k));
             changed.time = frame.time / rate;
-            changed.pelvis.velocity = None;
-            changed.pelvis.angular_velocity = None;
             writer.write(&changed).expect("a frame");
         }
         writer.finish().expect("a file");
@@ -217,9 +243,7 @@ fn verdict(
     if let Some(subject) = &capture.subject {
         flight.push_str(&format!("subject = \"{}\"\n", plain(subject)));
     }
-    let flight = bodyflight_tests::program::written(folder, "flight.toml", &flight);
-    let capture = bodyflight_verbs::airborne::Capture::read(Path::new(&flight)).expect("a capture");
-    bodyflight_verbs::airborne::judged(&capture)
+    bodyflight_tests::program::written(folder, "flight.toml", &flight)
 }
 
 /// Jumps of segments are named in every capture, a tilt and a wrong rate in those that are a second in the air. A segment

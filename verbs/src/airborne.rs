@@ -30,6 +30,9 @@ use verdict::{Verdict, combined};
 pub const LENGTHS: [f64; 3] = [0.1, 0.25, 0.5];
 /// Difference of time within which a phase has a length (s).
 const SLACK: f64 = 2e-3;
+/// Relative difference of frame rates below which they are one, and faults that all phases of a set show together.
+const SAME_RATE: f64 = 1e-3;
+const OF_FALLS: [&str; 3] = ["tilt", "rate", "momentum"];
 /// Relative change of gravity beyond which phases are looked for again, and how often. Unless it is sure by so many standard
 /// errors, what is found then must have at most this part of the error, or pushes would be taken for falls.
 const SETTLED: f64 = 0.1;
@@ -84,8 +87,15 @@ impl Capture {
     /// # Errors
     /// Returns an error if a file is unusable or has fewer than three frames.
     pub fn read(path: &Path) -> Result<Self> {
-        let flight = Flight::read(path)?;
-        let mut capture = Self::pass(&flight, path, GRAVITY)?;
+        Self::of(&Flight::read(path)?)
+    }
+
+    /// Reads the recording of a flight.
+    ///
+    /// # Errors
+    /// Returns an error if it is unusable or has fewer than three frames.
+    pub fn of(flight: &Flight) -> Result<Self> {
+        let mut capture = Self::pass(flight, GRAVITY)?;
         // A wrong rate or scale moves gravity towards the limit of what counts as falling, and only the part of the phases
         // below it would be seen: they are looked for again around what was found.
         let mut around = GRAVITY;
@@ -98,7 +108,7 @@ impl Capture {
                 break;
             }
             around = gravity;
-            let again = Self::pass(&flight, path, around)?;
+            let again = Self::pass(flight, around)?;
             let most = if off > SURE * error {
                 f64::INFINITY
             } else {
@@ -119,7 +129,7 @@ impl Capture {
     }
 
     /// Reads the frames, and looks for phases with an acceleration near `gravity` (m/s2).
-    fn pass(flight: &Flight, path: &Path, gravity: f64) -> Result<Self> {
+    fn pass(flight: &Flight, gravity: f64) -> Result<Self> {
         let mut recording = flight.open(Options::default())?;
         let rate = recording.header().frame_rate;
         let mut dynamics = flight.dynamics(0.0);
@@ -130,7 +140,9 @@ impl Capture {
             blocks.see(frame?)?;
         }
         if blocks.seen < 3 {
-            return Err(Problem::bad_input("expected at least three frames").in_file(path));
+            return Err(
+                Problem::bad_input("expected at least three frames").in_file(&flight.recording)
+            );
         }
         blocks.end()?;
         Ok(Self {
@@ -210,13 +222,32 @@ pub fn judged(capture: &Capture) -> Verdict {
     Verdict::of(&falls, &momenta, faults.collect(), capture.rate)
 }
 
+/// What captures say of their faults, those of one frame rate together.
+pub(crate) fn judged_by_rate(captures: &[&Capture]) -> Vec<Verdict> {
+    let alike = |a: &&Capture, b: &&Capture| (a.rate / b.rate - 1.0).abs() < SAME_RATE;
+    let sets = captures.chunk_by(alike);
+    sets.map(|set| {
+        let parts = || set.iter().flat_map(|capture| &capture.parts);
+        let falls: Vec<Fall> = parts().map(|part| part.fall).collect();
+        let momenta: Vec<Momentum> = parts().map(|part| part.momentum).collect();
+        let faults = set.iter().flat_map(|capture| judged(capture).faults);
+        let mut lasting: Vec<_> = faults
+            .filter(|fault| !OF_FALLS.contains(&fault.kind))
+            .collect();
+        lasting.dedup();
+        let rate = set.first().map_or(0.0, |capture| capture.rate);
+        Verdict::of(&falls, &momenta, lasting, rate)
+    })
+    .collect()
+}
+
 /// Judges recordings of one set-up together: its vertical, and its clock or scale. Errors fall with the number of phases,
 /// so a set of jumps shows what none shows alone. `None` unless at least two recordings are in the air, all of the same
 /// frame rate.
 pub fn together(reports: &[&Report]) -> Option<Verdict> {
     let flown = || reports.iter().filter(|report| !report.phases.is_empty());
     let rate = flown().next()?.frame_rate_hz;
-    let alike = flown().all(|report| (report.frame_rate_hz / rate - 1.0).abs() < 1e-3);
+    let alike = flown().all(|report| (report.frame_rate_hz / rate - 1.0).abs() < SAME_RATE);
     if !alike || flown().count() < 2 {
         return None;
     }

@@ -2,6 +2,7 @@
 
 pub mod figure;
 mod in_words;
+mod reading;
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -18,29 +19,21 @@ use bodyflight_discovery::{Settings, discover};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::input;
-use bodyflight_mvnx::recording::{FlightFrame, Options};
+use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::model_file;
 use bodyflight_tracks::folder::is_track;
+use reading::Reading;
 
-/// Reads a flight together with its model.
+/// Reads a flight together with its model; of a recording of jumps, the first.
 ///
 /// # Errors
-/// Returns an error if a file is unusable or has no velocities, or if the recording contradicts itself: an effect would
-/// be named for a fault of the recording.
+/// Returns an error if a file is unusable or has no velocities, or if the recording contradicts itself or is no fall.
 pub fn read_track(flight: &Flight, options: Options) -> Result<RecordedFlight> {
-    let (frames, _) = flight.open(options)?.trusted(&flight.recording)?;
-    let first = frames.first().ok_or_else(|| {
-        Problem::bad_input("expected frames of type \"normal\"").in_file(&flight.recording)
-    })?;
-    let dynamics = flight.dynamics(first.pelvis.position.components.z);
-    let samples = frames
-        .iter()
-        .map(FlightFrame::sample)
-        .collect::<Result<Vec<_>>>()?;
-    Ok(RecordedFlight::new(&samples, dynamics, |time| {
-        flight.inputs_at(time)
-    }))
+    let tracks = Reading::of(flight, options)?.tracks;
+    tracks.into_iter().next().ok_or_else(|| {
+        Problem::bad_input("found no fall in this recording").in_file(&flight.recording)
+    })
 }
 
 /// Refuses a logger's track: a point has no posture for which an effect could be missing.
@@ -78,19 +71,20 @@ fn bits(sample: &FlightSample) -> [u64; 10] {
 /// # Errors
 /// Returns an error if two flights have frames in common, in whatever files. The first frame does not count: flights
 /// without noise may start alike.
-fn refuse_repeated(flights: &[&Flight], tracks: &[RecordedFlight], fitted: usize) -> Result<()> {
-    if tracks.len() < 2 {
+fn refuse_repeated(readings: &[(&Flight, Reading)], fitted: usize) -> Result<()> {
+    if readings.len() < 2 {
         return Ok(());
     }
     let mut seen = HashMap::new();
-    for (place, track) in tracks.iter().enumerate() {
-        let frames = track.samples.iter().skip(1).map(bits);
+    for (place, (flight, reading)) in readings.iter().enumerate() {
+        let tracks = reading.tracks.iter();
+        let frames = tracks.flat_map(|track| track.samples.iter().skip(1).map(bits));
         for frame in frames {
             let first = *seen.entry(frame).or_insert(place);
             if first == place {
                 continue;
             }
-            let other = flights[first].recording.display();
+            let other = readings[first].0.recording.display();
             let is_confirming = first < fitted && place >= fitted;
             let says = if is_confirming {
                 format!("this flight is held out, but effects are also fitted to it ({other})")
@@ -99,13 +93,13 @@ fn refuse_repeated(flights: &[&Flight], tracks: &[RecordedFlight], fitted: usize
                     "frames of this flight are also in {other}, so their evidence would count twice"
                 )
             };
-            return Err(Problem::bad_input(says)
-                .in_file(&flights[place].recording)
-                .help(if is_confirming {
+            return Err(Problem::bad_input(says).in_file(&flight.recording).help(
+                if is_confirming {
                     "hold out another flight of the same person"
                 } else {
                     "give each flight once"
-                }));
+                },
+            ));
         }
     }
     Ok(())
@@ -137,11 +131,12 @@ pub fn discover_flights(
     for flight in &flights {
         refuse_track(&flight.recording)?;
     }
-    let mut tracks = Vec::new();
+    let mut readings = Vec::new();
     for (place, flight) in flights.iter().enumerate() {
-        tracks.push(read_track(flight, options(place))?);
+        readings.push((*flight, Reading::of(flight, options(place))?));
     }
-    refuse_repeated(&flights, &tracks, fitted.len())?;
+    refuse_repeated(&readings, fitted.len())?;
+    let of_jumps = reading::judged(&readings)?;
     let settings = Settings {
         max_effects: request.max_effects,
         seed: request.seed,
@@ -150,11 +145,28 @@ pub fn discover_flights(
             .map(|flight| flight.tolerances)
             .unwrap_or_default(),
     };
-    let (fitted_tracks, held_out) = tracks.split_at(fitted.len());
-    let mut report = discover(fitted_tracks, held_out, &settings, progress).map_err(problem)?;
-    if let (Some(flight), false) = (fitted.first(), report.effects.is_empty()) {
-        let (frames, _) = flight.open(options(0))?.trusted(&flight.recording)?;
-        report.changes = in_words::changes(&report, flight, &frames)?;
+    let remarks = readings.iter().flat_map(|(flight, reading)| {
+        let said = reading.remarks.iter();
+        said.map(|warning| format!("{}: {warning}", flight.recording.display()))
+    });
+    let warnings = remarks.chain(of_jumps).collect();
+    let tracks = |readings: &[(&Flight, Reading)]| -> Vec<RecordedFlight> {
+        let each = readings.iter();
+        each.flat_map(|(_, reading)| reading.tracks.clone())
+            .collect()
+    };
+    let (here, there) = readings.split_at(fitted.len());
+    let (mut fitted, mut held_out) = (tracks(here), tracks(there));
+    if there.is_empty() && here.iter().all(|(_, reading)| reading.whole.is_none()) {
+        // The later jumps of a recording confirm the earlier ones.
+        held_out = fitted.split_off(fitted.len().div_ceil(2));
+    }
+    let mut report = discover(&fitted, &held_out, &settings, progress).map_err(problem)?;
+    report.warnings = warnings;
+    if let (Some((flight, reading)), false) = (here.first(), report.effects.is_empty())
+        && let Some(frames) = &reading.whole
+    {
+        report.changes = in_words::changes(&report, flight, frames)?;
     }
     Ok(report)
 }

@@ -77,6 +77,8 @@ pub(crate) struct Decision {
     pub(crate) explained_share: f64,
     /// Misfit per observation above which the fit has failed, so that names found with it mean nothing.
     pub(crate) failed_misfit: f64,
+    /// Standard deviations by which the misfit of short flights, which have few observations, may exceed one.
+    pub(crate) failed_z: f64,
     /// Misfit per observation below which the model as given by the files agrees with the data.
     pub(crate) agreeing_misfit: f64,
     /// Gain of log-likelihood above which an unknown force or moment acts beyond what sensors, joints and subject can
@@ -152,6 +154,7 @@ pub(crate) const DECISION: Decision = Decision {
     informative_s: 12.0,
     explained_share: 0.6,
     failed_misfit: 1.02,
+    failed_z: 2.0,
     agreeing_misfit: 1.15,
     wrench_gain: 12.0,
     immaterial_wrench: [1.5, 12.0],

@@ -2,7 +2,7 @@
 //! much more likely with it than without it.
 
 use crate::named_effect::EffectSet;
-use bodyflight_core::effect::Effect;
+use bodyflight_core::effect::{Effect, Kind};
 use bodyflight_falls::statistics::quantile_of_sorted;
 
 use crate::error::{Error, Result};
@@ -162,6 +162,25 @@ fn sought(
     Ok(found)
 }
 
+/// Short flights do not tell what acts on the body, but any motion shows errors of sensors.
+fn is_nameable(joint_fit: &JointFit<'_>, effect: Effect) -> bool {
+    !joint_fit.is_thin() || effect.description().kind == Kind::Measurement
+}
+
+/// A candidate or a better competitor, the flights fitted with it if that succeeds, and whether it gains enough.
+fn refitted<'a>(
+    refit: &Refit<'a>,
+    files: &JointFit<'a>,
+    joint_fit: &mut JointFit<'a>,
+    found: BestHypothesis,
+) -> Result<(NamedEffect, Option<JointFit<'a>>, bool)> {
+    let chance = found.chance.clone();
+    let (mut name, next) = fitted_beside(refit, files, joint_fit, found)?;
+    name.chance = by_chance(name.hypothesis.z_score_together(), &chance);
+    let is_significant = is_significant(&name.hypothesis, &chance);
+    Ok((name, next, is_significant))
+}
+
 /// Names effects one after the other, while one is significant.
 ///
 /// # Errors
@@ -172,10 +191,9 @@ pub(crate) fn selected<'a>(
     limits: Limits,
 ) -> Result<Selection<'a>> {
     let none = EffectSet::new();
-    let (files, settled): (Vec<LinearFit>, Vec<LinearFit>) = alone
-        .into_iter()
-        .map(|alone| (alone.around_files, alone.settled))
-        .unzip();
+    let each = alone.into_iter();
+    let each = each.map(|alone| (alone.around_files, alone.settled));
+    let (files, settled): (Vec<LinearFit>, Vec<LinearFit>) = each.unzip();
     let unadjusted = unadjusted(files.get(..refit.count).unwrap_or(&files));
     let files = refit.joint_fit(files, none.clone());
     let mut joint_fit = refit.joint_fit(settled, none);
@@ -191,13 +209,8 @@ pub(crate) fn selected<'a>(
         let tried = names.len() + out_of_question.len();
         // Fitted constants may have absorbed most of a missing effect, so the first effect is sought around the
         // files. The flights' own constants are tried next, because slopes may differ far from the files.
-        let joint_fits = [&files, &joint_fit];
-        let found = sought(
-            refit.progress,
-            &joint_fits[names.len().min(1)..],
-            &out_of_question,
-            limits.seed,
-        )?;
+        let joint_fits = &[&files, &joint_fit][names.len().min(1)..];
+        let found = sought(refit.progress, joint_fits, &out_of_question, limits.seed)?;
         reached(refit.progress, tried, 0.3);
         let Some(found) = found else {
             break;
@@ -206,17 +219,15 @@ pub(crate) fn selected<'a>(
             nearest.get_or_insert_with(|| unpromising(found.name));
             break;
         }
-        let chance = found.chance.clone();
-        let (mut name, next) = fitted_beside(refit, &files, &mut joint_fit, found)?;
+        let (mut name, next, is_significant) = refitted(refit, &files, &mut joint_fit, found)?;
         reached(refit.progress, tried, 1.0);
-        name.chance = by_chance(name.hypothesis.z_score_together(), &chance);
-        let is_significant = is_significant(&name.hypothesis, &chance);
-        let needed = next
-            .as_ref()
-            .filter(|_| is_significant || nearest.is_none());
+        let is_nameable = is_nameable(&joint_fit, name.hypothesis.effect);
+        let is_told = is_significant || nearest.is_none();
+        let needed = next.as_ref().filter(|_| is_told);
         let bars = needed.map(|next| error_bars(next, refit.progress));
         if let (Some(next), Some(bars)) = (next, &bars)
             && is_significant
+            && is_nameable
             && differs_from_neutral(&bars.pooled, names.len())
         {
             name.contest(&core::mem::take(&mut rejected));
@@ -235,6 +246,10 @@ pub(crate) fn selected<'a>(
             is_alternative: names.is_empty(),
             name,
         });
+        if is_significant && !is_nameable {
+            // The next best would be named in its place.
+            break;
+        }
     }
     Ok(Selection {
         joint_fit,

@@ -23,6 +23,7 @@ use crate::likelihood::prior::{fixed_by, subject_precision};
 use crate::likelihood::schur::InformationForm;
 use crate::likelihood::variance_components::FittedErrors;
 use crate::progress::{Progress, check};
+use crate::shooting::stretch::WINDOW;
 
 /// Number of draws from the null distribution.
 const DRAWS: usize = 999;
@@ -80,6 +81,19 @@ impl<'a> JointFit<'a> {
         let each = self.fitted.iter();
         each.map(|(problem, fitted)| fitted.without_wrench(&problem.prior, progress))
             .collect()
+    }
+
+    /// Duration of the fitted flights in which the body moves (s).
+    pub(crate) fn moving_s(&self) -> f64 {
+        let flights = self.fitted.iter().map(|(problem, _)| problem);
+        let moving = flights.filter(|problem| !problem.track.is_still(DECISION.still_rad));
+        let rows = moving.flat_map(|problem| problem.stretches.iter().map(|part| part.grid.rows));
+        rows.sum::<usize>() as f64 * WINDOW
+    }
+
+    /// Whether the flights are too short to tell what acts on the body. Errors of sensors show in any motion.
+    pub(crate) fn is_thin(&self) -> bool {
+        self.moving_s() < DECISION.informative_s
     }
 
     /// Log-likelihood of the fitted flights.

@@ -40,6 +40,9 @@ pub struct StretchFactor {
     /// variance of a frame.
     start: DMatrix<f64>,
     start_noise: [f64; 2],
+    /// Variance of the start beyond its noise, and what it adds to the covariance.
+    free_start: Channels,
+    of_free_start: DMatrix<f64>,
     /// First-order effect of the wander and the start at the point of linearization.
     pub wandered: DVector<f64>,
 }
@@ -83,6 +86,11 @@ impl StretchFactor {
             constants.columns_mut(first, group.ncols()).copy_from(group);
             first += group.ncols();
         }
+        let free_start = stretch.free_start;
+        let mut scaled = columns.start.clone();
+        for (mut column, variance) in scaled.column_iter_mut().zip(&free_start) {
+            column *= *variance;
+        }
         let part = Self {
             residual: DVector::zeros(residuals),
             constants,
@@ -93,6 +101,8 @@ impl StretchFactor {
             weight: 1.0,
             first: stretch.first,
             joints: columns.joints,
+            free_start,
+            of_free_start: product_transposed(&scaled, &columns.start),
             start: columns.start,
             start_noise: [stretch.start_variance, stretch.start_covariance],
             wandered: DVector::zeros(residuals),
@@ -131,13 +141,14 @@ impl StretchFactor {
         let seen = self.start.tr_mul(pulled);
         let start = Channels::from_fn(|channel, _| {
             sizes[GROUP[channel]] * (variance * seen[channel] - covariance * pulled[channel])
+                + self.free_start[channel] * seen[channel]
         });
         StretchErrors { wander, start }
     }
 
     /// The factored covariance.
     pub fn covariance(&self, sizes: &Components) -> Option<Cholesky<f64, Dyn>> {
-        let mut covariance = DMatrix::zeros(self.residual.len(), self.residual.len());
+        let mut covariance = &self.of_free_start / self.weight;
         for (k, kernel) in self.kernels() {
             covariance += kernel * (sizes[k] / self.weight);
         }

@@ -23,7 +23,7 @@ use crate::likelihood::prior::{Prior, fixed_by};
 use crate::likelihood::schur::SchurComplement;
 use crate::likelihood::variance_components::{self, FittedErrors};
 use crate::progress::{Progress, check};
-use crate::shooting::smoothed_start::stretches;
+use crate::shooting::smoothed_start::{is_short, stretches};
 use crate::shooting::stretch::Stretch;
 
 /// Maximum number of steps in a fit of the errors: from the prior, and from a similar fit.
@@ -76,7 +76,7 @@ impl<'a> FlightProblem<'a> {
             weights: vec![1.0; stretches.len()],
             stretches,
             noise,
-            prior: Prior::new(&noise, tolerances),
+            prior: Prior::new(&noise, tolerances, is_short(track)),
         }
     }
 

@@ -20,9 +20,11 @@ pub struct Prior {
     pub fixed: Vec<usize>,
 }
 
-/// Standard deviations of the log-variances: sensors whose noise shows in the recording, velocities (whose slow errors
+/// Standard deviations of the log-variances: sensors whose noise shows in the recording, the same in short flights (motion
+/// capture is smoothed, which hides noise from the differences of neighbouring frames), velocities (whose slow errors
 /// no other sensor reveals), wander, and forces and moments.
 const SEEN: f64 = 0.25;
+const SEEN_IN_SHORT: f64 = 1.0;
 const SEEN_VELOCITY: f64 = 0.7;
 const WANDERS: f64 = 1.5;
 const WRENCHES: f64 = 2.0;
@@ -32,12 +34,13 @@ const PUSHING: [f64; 2] = [0.3, 3.0];
 const PUSHING_FIRST: [f64; 2] = [2.0, 20.0];
 
 impl Prior {
-    /// Creates the priors for sensors with the noise found in the recording.
-    pub fn new(noise: &[f64; 4], tolerances: &Tolerances) -> Self {
+    /// Creates the priors for sensors with the noise found in the recording, which may be a short one.
+    pub(crate) fn new(noise: &[f64; 4], tolerances: &Tolerances, is_short: bool) -> Self {
         let wander = tolerances.wander_deg.to_radians();
         let logarithm = |deviation: f64| 2.0 * deviation.ln();
+        let seen = if is_short { SEEN_IN_SHORT } else { SEEN };
         let sizes = core::array::from_fn(|k| match k {
-            0 | 1 => (logarithm(noise[k]), SEEN),
+            0 | 1 => (logarithm(noise[k]), seen),
             2 | 3 => (logarithm(noise[k]), SEEN_VELOCITY),
             4..=6 => (logarithm(wander * SHARES[k - 4]), WANDERS),
             7 | 8 => (logarithm(PUSHING[k - 7]), WRENCHES),

@@ -110,6 +110,8 @@ pub struct Report {
     pub fly_next: String,
     /// What the named effects change for the person in the first flight, in sentences; filled by who has the files.
     pub changes: Vec<String>,
+    /// What the recordings say of themselves although they are trusted; filled by who has the files.
+    pub warnings: Vec<String>,
     /// The effects as written to `model.toml`.
     pub model: Vec<ByName>,
     /// Mass and coefficients, estimated from tolerances and flights combined, as effects of a `model.toml`.

@@ -9,13 +9,14 @@ use crate::hypotheses::hypothesis::{NamedEffect, Rejected};
 use crate::hypotheses::robust_covariance::error_bars;
 use crate::hypotheses::score_test::JointFit;
 use crate::jacobian::effect_parameters::estimated;
+use crate::likelihood::flight_problem::FlightProblem;
 use crate::likelihood::variance_components::FittedErrors;
 use crate::output::adjusted_parameters::{adjustments, corrections, joint_calibrations};
 use crate::output::report::{ErrorSizes, HeldOut, Report};
 use crate::output::residual_rms::gap;
 use crate::output::residual_wrench::Remainder;
 use crate::progress::Progress;
-use crate::shooting::stretch::WINDOW;
+use crate::shooting::smoothed_start::is_short;
 
 /// Compiles the report.
 ///
@@ -63,7 +64,7 @@ pub(crate) fn report(
         .iter()
         .map(|(problem, fitted)| gap(problem, fitted, &joint_fit.effects));
     let (gap_here, residual_map) = gaps.next().ok_or(Error::Cancelled)?;
-    let fly_next = explain(outcome, &named, &remainders, moving_s(joint_fit));
+    let fly_next = explain(outcome, &named, &remainders, joint_fit.moving_s());
     let trusted = if has_failed(joint_fit, &remainders) {
         &[][..]
     } else {
@@ -93,6 +94,7 @@ pub(crate) fn report(
         nearest_description: None,
         fly_next,
         changes: Vec::new(),
+        warnings: Vec::new(),
         model: model_of(&effects),
         corrections: trusted
             .first()
@@ -118,20 +120,22 @@ fn explained(
     }
 }
 
-/// Duration of the fitted flights in which the body moves (s).
-fn moving_s(joint_fit: &JointFit<'_>) -> f64 {
-    let flights = joint_fit.fitted.iter().map(|(problem, _)| problem);
-    let moving = flights.filter(|problem| !problem.track.is_still(DECISION.still_rad));
-    let rows = moving.flat_map(|problem| problem.stretches.iter().map(|part| part.grid.rows));
-    rows.sum::<usize>() as f64 * WINDOW
-}
-
 /// Whether the fit ended far from the truth: joints would have to wander beyond the suit's limit, or the misfit is above
 /// one. Its numbers then mean nothing.
 fn has_failed(joint_fit: &JointFit<'_>, remainders: &[Remainder]) -> bool {
     let mut flights = joint_fit.fitted.iter();
+    let most = |problem: &FlightProblem<'_>, observations: usize| {
+        let by_chance = 1.0 + DECISION.failed_z * (2.0 / observations.max(1) as f64).sqrt();
+        if is_short(problem.track) {
+            by_chance.max(DECISION.failed_misfit)
+        } else {
+            DECISION.failed_misfit
+        }
+    };
     remainders.iter().any(|left| left.is_beyond_suit)
-        || flights.any(|(_, fitted)| fitted.errors.misfit() > DECISION.failed_misfit)
+        || flights.any(|(problem, fitted)| {
+            fitted.errors.misfit() > most(problem, fitted.errors.observations)
+        })
 }
 
 fn outcome(
@@ -143,13 +147,20 @@ fn outcome(
 ) -> Outcome {
     let unexplained = remainders.iter().any(|left| left.is_unexplained);
     let failed = has_failed(joint_fit, remainders);
-    if moving_s(joint_fit) < DECISION.informative_s {
-        Outcome::Thin
-    } else if !names.is_empty()
-        && !failed
-        && (!unexplained || explained >= DECISION.explained_share)
-    {
+    let is_explained = !unexplained || explained >= DECISION.explained_share;
+    // A jump always leaves something, and its fit ends near the limits of a suit: only the significance of a name counts.
+    let is_thin = joint_fit.is_thin();
+    let is_sure =
+        |name: &NamedEffect| name.hypothesis.z_score_together() > DECISION.least_z_without_held_out;
+    let is_sound = if is_thin {
+        !failed || names.iter().all(is_sure)
+    } else {
+        !failed && is_explained
+    };
+    if !names.is_empty() && is_sound {
         Outcome::Named
+    } else if is_thin {
+        Outcome::Thin
     } else if unexplained || failed {
         Outcome::Unexplained
     } else if unadjusted < DECISION.agreeing_misfit {

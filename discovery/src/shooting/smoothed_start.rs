@@ -9,7 +9,7 @@ use bodyflight_core::frame::Rotation;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::input::flight::RecordedFlight;
-use crate::shooting::stretch::{Channels, Grid, ROWS, Stretch, difference, moved};
+use crate::shooting::stretch::{CHANNELS, Channels, Grid, ROWS, Stretch, difference, moved};
 
 /// Comparison windows before the first stretch, enough for a plausible delay.
 const BEFORE: usize = 4;
@@ -19,6 +19,12 @@ const BEFORE: usize = 4;
 const SMOOTHED: [f64; 6] = [0.1, 0.07, 0.05, 0.035, 0.025, 0.0125];
 const SMOOTHED_TURN: f64 = 0.7;
 const SMOOTHED_EXCESS: f64 = 2.0;
+
+/// Standard deviations of the start of a short flight: attitude (rad), angular velocity (rad/s), velocity (m/s).
+///
+/// Motion capture is smoothed and moves with the skin, so the rates of its first frames are off by more than neighbouring
+/// frames show: in two somersaults, such starts made three quarters of the error after a quarter of a second.
+const FREE_START: [f64; CHANNELS] = [0.02, 0.02, 0.02, 0.5, 0.5, 0.5, 0.3, 0.3, 0.3];
 
 /// Number of full stretches below which a flight is cut into shorter ones, and the least comparisons of these.
 const FEW_STRETCHES: usize = 2;
@@ -59,6 +65,11 @@ fn cuts(track: &RecordedFlight, piece: &Range<usize>) -> Vec<(usize, usize)> {
 
 /// Cuts a track into stretches. `noise` is that of the angular velocity (rad/s).
 pub(crate) fn stretches(track: &RecordedFlight, noise: f64) -> Vec<Stretch> {
+    let free_start = if is_short(track) {
+        Channels::from(FREE_START).map(|deviation| deviation.powi(2))
+    } else {
+        Channels::zeros()
+    };
     let stretch = |piece: &Range<usize>, (first, rows): (usize, usize)| {
         let grid = Grid::new(rows, track.rate(), turning(track, first, rows));
         let smooth = Smooth::new(track, grid, (first, piece), noise);
@@ -69,6 +80,7 @@ pub(crate) fn stretches(track: &RecordedFlight, noise: f64) -> Vec<Stretch> {
             start: smooth.motion,
             start_variance: smooth.variance,
             start_covariance: smooth.after / grid.window as f64,
+            free_start,
         }
     };
     let of = |piece| {

@@ -95,6 +95,8 @@ pub struct Stretch {
     pub start_variance: f64,
     /// Covariance of the start with the first comparison for unit variance of a frame.
     pub start_covariance: f64,
+    /// Variance of the start beyond what the noise of its frames gives it, zero except in short flights.
+    pub(crate) free_start: Channels,
 }
 
 /// Adds a difference in all channels to a motion.

@@ -10,6 +10,7 @@ mod bridge;
 mod checks;
 mod clock;
 mod frame;
+mod gyroscope;
 mod limbs;
 mod mounting;
 mod paths;
@@ -147,7 +148,12 @@ impl<R: BufRead> Recording<R> {
         let (told, closure_error) = arm_frame(&skeleton, reader.calibration(), ahead.iter())
             .unwrap_or((ArmFrame::TPose, 0.0));
         if closure_error > CLOSURE_LIMIT {
-            return Err(named(arms::open_joints(&skeleton, &ahead, closure_error)));
+            return Err(named(arms::open_joints(
+                &skeleton,
+                reader.header(),
+                &ahead,
+                closure_error,
+            )));
         }
         let arm_frame = options.arm_frame.unwrap_or(told);
         let frame_rate = reader.header().frame_rate;

@@ -43,6 +43,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let report = discover_flights(&flights, &held_out, |_| options, request, &Stages(&bar));
     bar.finish_and_clear();
     let report = report?;
+    for warning in &report.warnings {
+        terminal::note(&format!("warning: {warning}"));
+    }
     if let Some(folder) = &args.out {
         write(&report, folder, args.flight())?;
     }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use super::plausibility::JOINT_LIMIT;
 use crate::closure::Skeleton;
-use crate::{ArmFrame, Field, Frame, FrameKind};
+use crate::{ArmFrame, Field, Frame, FrameKind, Header};
 use bodyflight_io::diagnostic::Problem;
 
 /// Largest closure error of a usable recording (m): well above the 0.01 of a good file whose shoulder girdle moves, and
@@ -43,23 +43,68 @@ pub fn arm_frame<'a>(
     })
 }
 
-/// The error for segments that do not meet; if they would with the quaternions in another order, the advice says so.
+/// Limbs whose two sides may be exchanged: what they are called, and their segments without the side.
+const LIMBS: [(&str, &[&str]); 4] = [
+    ("forearm and hand", &["ForeArm", "Hand"]),
+    ("arm", &["UpperArm", "ForeArm", "Hand"]),
+    ("shank and foot", &["LowerLeg", "Foot", "Toe"]),
+    ("leg", &["UpperLeg", "LowerLeg", "Foot", "Toe"]),
+];
+/// Largest share of the distance between segments that may be left if exchanged sides are the reason.
+const LEFT_OVER: f64 = 0.3;
+
+/// Largest distance (m) between the two sides of a joint if the orientations were others.
+fn closure(
+    skeleton: &Skeleton,
+    frames: &VecDeque<Frame>,
+    other: impl Fn(&[f64]) -> Vec<f64>,
+) -> f64 {
+    let each = frames.iter().filter_map(|frame| {
+        let orientation = other(frame.numbers(Field::Orientation)?);
+        let position = frame.numbers(Field::Position)?;
+        let closes = |arms| skeleton.closure_error(&orientation, position, arms);
+        Some(closes(ArmFrame::TPose).min(closes(ArmFrame::Isb)))
+    });
+    each.fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// The limb whose sides are exchanged, if the segments meet with them changed back, and the distance then (m).
+fn exchanged(
+    skeleton: &Skeleton,
+    header: &Header,
+    frames: &VecDeque<Frame>,
+) -> Option<(&'static str, f64)> {
+    let changed_back = |segments: &[&str]| {
+        let index = |side: &str, name: &str| header.segment_index(&format!("{side}{name}"));
+        let both = |name: &&str| index("Left", name).zip(index("Right", name));
+        let places: Vec<(usize, usize)> = segments.iter().filter_map(both).collect();
+        closure(skeleton, frames, |orientation| {
+            let mut changed = orientation.to_vec();
+            for (left, right) in &places {
+                for k in 0..4 {
+                    changed.swap(4 * left + k, 4 * right + k);
+                }
+            }
+            changed
+        })
+    };
+    let all = LIMBS.map(|(limb, segments)| (limb, changed_back(segments)));
+    let closed = all.into_iter().filter(|(_, apart)| *apart >= 0.0);
+    closed.min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// The error for segments that do not meet; if they would with the quaternions in another order, or with both sides of a
+/// limb exchanged, it says so.
 pub(super) fn open_joints(
     skeleton: &Skeleton,
+    header: &Header,
     frames: &VecDeque<Frame>,
     closure_error: f64,
 ) -> Problem {
-    let reordered = frames.iter().filter_map(|frame| {
-        let orientation = frame.numbers(Field::Orientation)?;
-        let position = frame.numbers(Field::Position)?;
-        let from_xyzw: Vec<f64> = orientation
-            .chunks_exact(4)
-            .flat_map(|q| [q[3], q[0], q[1], q[2]])
-            .collect();
-        let closes = |arms| skeleton.closure_error(&from_xyzw, position, arms);
-        Some(closes(ArmFrame::TPose).min(closes(ArmFrame::Isb)))
+    let reordered = closure(skeleton, frames, |orientation| {
+        let each = orientation.chunks_exact(4);
+        each.flat_map(|q| [q[3], q[0], q[1], q[2]]).collect()
     });
-    let reordered = reordered.fold(f64::NEG_INFINITY, f64::max);
     let first = frames.front().map_or(0, |frame| frame.index);
     let problem = Problem::bad_input(format!(
         "the segments do not meet at their joints: {closure_error:.3} m apart, expected below {CLOSURE_LIMIT} m"
@@ -68,6 +113,14 @@ pub(super) fn open_joints(
     if (0.0..CLOSURE_LIMIT).contains(&reordered) {
         return problem.help(format!(
             "read as x y z w, the quaternions close the joints to {reordered:.4} m: write them as w x y z"
+        ));
+    }
+    let exchanged = exchanged(skeleton, header, frames)
+        .filter(|(_, apart)| *apart < CLOSURE_LIMIT.min(LEFT_OVER * closure_error));
+    if let Some((limb, apart)) = exchanged {
+        return problem.help(format!(
+            "left and right {limb} are exchanged: changed back, they are {apart:.3} m apart. Change their sensors or labels, \
+             and export the recording again"
         ));
     }
     problem.help("orientations must be quaternions w x y z of the same subject as the points")

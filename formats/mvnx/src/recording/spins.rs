@@ -4,6 +4,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::agreement::Zeros;
+use super::gyroscope::Gyroscope;
 
 /// Time over which the two may part (s), and the rotation that noise and slow errors of rates do not explain: an angle (rad)
 /// and a share of the way.
@@ -12,10 +13,8 @@ const PARTED: f64 = 0.4;
 const PARTED_SHARE: f64 = 0.15;
 /// Most times that are kept in which the two part.
 const MOST: usize = 1000;
-/// Largest bias of a gyroscope (rad/s), and the least that is told, in at least so many times.
+/// Largest bias of a gyroscope (rad/s).
 const LARGEST_BIAS: f64 = 0.9;
-const LEAST_BIAS: f64 = 0.1;
-const LEAST_PIECES: u32 = 3;
 /// Time over which single differences are averaged (s), the fewest such times, and the mean difference of the two (rad/s) that
 /// is mostly noise.
 const BRIEF: f64 = 0.1;
@@ -46,12 +45,13 @@ struct Parted {
 pub(super) struct Spins {
     piece: Option<Piece>,
     parted: Vec<Parted>,
-    /// Pieces, their length (s), and what the angular velocities turn further in all of them.
-    pieces: u32,
+    /// Length of all pieces (s), and what the angular velocities turn further in them.
     length: f64,
     further: Vector3<f64>,
-    /// When the present brief time began (s), and what the two differ by since (rad).
-    brief: Option<(f64, Vector3<f64>)>,
+    /// When the present brief time began (s), what the two differ by since, and the rotation by attitudes and by rates since,
+    /// in axes of the body (rad).
+    brief: Option<(f64, Vector3<f64>, [Vector3<f64>; 2])>,
+    gyroscope: Gyroscope,
     briefs: u32,
     scatter: f64,
     zeros: Zeros,
@@ -69,13 +69,16 @@ impl Spins {
         inertial_from_body: &UnitQuaternion<f64>,
     ) {
         let by_rates = 0.5 * (before + now) * duration;
-        let (begin, apart) = self
-            .brief
-            .get_or_insert((time - duration, Vector3::zeros()));
+        let in_body = |turn: &Vector3<f64>| inertial_from_body.inverse_transform_vector(turn);
+        let (begin, apart, turned) =
+            (self.brief).get_or_insert((time - duration, Vector3::zeros(), [Vector3::zeros(); 2]));
         *apart += turn - by_rates;
+        turned[0] += in_body(turn);
+        turned[1] += in_body(&by_rates);
         if time - *begin >= BRIEF {
             self.briefs += 1;
             self.scatter += apart.norm() / (time - *begin);
+            self.gyroscope.see(time - *begin, turned);
             self.brief = None;
         }
         self.zeros.see(time, turn, now);
@@ -90,11 +93,10 @@ impl Spins {
         piece.by_rates += by_rates;
         piece.ways[0] += turn.norm();
         piece.ways[1] += by_rates.norm();
-        piece.further += inertial_from_body.inverse_transform_vector(&(by_rates - turn));
+        piece.further += in_body(&(by_rates - turn));
         if time - piece.begin < PIECE {
             return;
         }
-        self.pieces += 1;
         self.length += time - piece.begin;
         self.further += piece.further;
         let apart = (piece.by_attitudes - piece.by_rates).norm();
@@ -131,16 +133,9 @@ impl Spins {
         }
     }
 
-    /// A bias of the gyroscope that is worth telling, in a sentence.
-    pub(super) fn biased(&self) -> Option<String> {
-        let bias = self.bias().map(f64::to_degrees);
-        let tells = self.pieces >= LEAST_PIECES && bias.norm().to_radians() > LEAST_BIAS;
-        tells.then(|| {
-            format!(
-                "the angular velocities of the pelvis are off by a mean of {:.1}, {:.1} and {:.1} degrees/s about its axes against the attitudes: a bias of the gyroscope",
-                bias.x, bias.y, bias.z
-            )
-        })
+    /// Errors of the gyroscope that are worth telling, in a sentence.
+    pub(super) fn of_gyroscope(&self) -> Option<String> {
+        self.gyroscope.errors()
     }
 
     /// Forgets what is compared across a gap.
@@ -244,7 +239,7 @@ mod tests {
         });
         assert_eq!(biased.parted(), None);
         assert!((biased.bias() - Vector3::new(0.4, 0.4, -0.4)).amax() < 0.01);
-        assert!(biased.biased().is_some());
+        assert!(biased.of_gyroscope().is_some());
         let noise =
             seen(|_, index, rate| rate + Vector3::y() * if index % 40 < 20 { 4.0 } else { -4.0 });
         assert_eq!(noise.parted(), None);

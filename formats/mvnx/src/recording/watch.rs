@@ -312,7 +312,7 @@ impl Watch {
         let empty = empty.map(|(message, first)| Warning::fault(last, [first, whole[1]], message));
         let scatters = self.spins.scatters();
         let scatters = scatters.map(|message| Warning::fault(last, whole, message));
-        let biased = self.spins.biased().filter(|_| empty.is_none());
+        let biased = self.spins.of_gyroscope().filter(|_| empty.is_none());
         let biased = biased.map(|message| Warning::new(last, message));
         // What is missing is told once.
         let missing = empty.or(parted);
