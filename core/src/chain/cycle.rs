@@ -222,7 +222,7 @@ mod tests {
         ) {
             let mut cycles = Cycles::new();
             let mut found = [0_u32; 3];
-            let mut take = |cycle: Option<Cycle>, found: &mut [u32; 3]| {
+            let take = |cycle: Option<Cycle>, found: &mut [u32; 3]| {
                 for (count, segment) in found.iter_mut().zip(NODES) {
                     *count += u32::from(cycle.is_some_and(|c| c.readings[segment].is_some()));
                 }

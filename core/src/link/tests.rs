@@ -233,7 +233,7 @@ fn frame_of(header: &Header, message: &Message) -> heapless::Vec<u8, MAX_FRAME_L
 /// A frame with arbitrary header and body bytes and a correct checksum.
 fn sealed(content: &[u8]) -> std::vec::Vec<u8> {
     let mut packet = content.to_vec();
-    packet.extend(frame::checksum([content]).to_le_bytes());
+    packet.extend(checksum([content]).to_le_bytes());
     let mut stuffed = std::vec![0; cobs::max_encoding_length(packet.len())];
     let length = cobs::encode(&packet, &mut stuffed);
     stuffed.truncate(length);

@@ -1,6 +1,6 @@
 //! The readings as the bytes of the sensors' line, with a receiver's solutions after the slots.
 
-use bodyflight_core::chain::{Packet, Rounding, TOO_OLD};
+use bodyflight_core::chain::{Packet, Rounding};
 use bodyflight_core::frame::Vector;
 use bodyflight_core::suit::strapdown::Reading;
 
@@ -108,7 +108,7 @@ impl Node<'_> {
             segment: self.address,
             cycle: number as u16,
             time: (time * 1e6).round() as u32,
-            age: ((age * 1e4).round() as u8).min(TOO_OLD),
+            age: (age * 1e4).round() as u8,
             rates,
             forces,
         })
