@@ -167,7 +167,7 @@ fn a_terminal_shows_stages_rates_and_the_time_left() {
         (
             &["estimate", &long, "--method", "smooth"],
             &[
-                "estimating: trying joint errors of 4 degrees",
+                "estimating: filtering, to find the joint errors",
                 "estimating: filtering",
                 "estimating: smoothing, pass 2 of 4",
                 " %, ",

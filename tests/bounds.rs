@@ -68,14 +68,14 @@ const VERBS: [Verb; 11] = {
         verb(
             &["estimate", "FLIGHT", "--out", "c.csv"],
             Recording,
-            32.0,
+            256.0,
             30.0,
         ),
         verb(&["view", "FLIGHT", "--out", "d.html"], Recording, 32.0, 6.0),
         verb(
             &["figures", "FLIGHT", "--format", "svg", "--out", "figures"],
             Recording,
-            64.0,
+            256.0,
             36.0,
         ),
         verb(

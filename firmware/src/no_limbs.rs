@@ -30,7 +30,6 @@ pub struct Limbs {
 }
 
 #[expect(missing_docs, reason = "as in a build with sensors on the limbs")]
-#[expect(clippy::unused_self, reason = "the same interface")]
 impl Limbs {
     pub const fn new() -> Self {
         Self {

@@ -32,7 +32,7 @@ use crate::limbs::{Limbs, PelvisReading};
 pub(crate) use aiding::STANDARD_GRAVITY;
 use level::{Attitude, Level};
 use reading::Reading;
-use receiver::Receiver;
+use receiver::{Receiver, Solution};
 
 /// Rate of the line of a sensor of this kind (baud): an MTi as it is set up for the unit, the others as they always are.
 pub const fn line_rate(kind: SensorKind) -> u32 {
@@ -62,19 +62,6 @@ const MOVING: u64 = 3_000_000;
 
 /// Age (us) beyond which a pressure is not attached to a sample.
 const OLDEST_PRESSURE: u64 = 500_000;
-
-/// A receiver's velocity that has not been attached to a sample.
-#[derive(Debug, Clone, Copy)]
-struct Solution {
-    /// In inertial axes (m/s).
-    velocity: Vector3<f32>,
-    speed: f32,
-    /// Standard deviation (m/s).
-    deviation: f32,
-    /// Time at which it arrived (us, the board's clock), and its age then (s).
-    arrived: u64,
-    age: f32,
-}
 
 /// A sample with what else was measured at its instant.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -235,9 +235,10 @@ pub fn tune(
     let interrupted = interrupt::requested();
     let checked = if interrupted { Vec::new() } else { checked? };
     let warnings = used.iter().chain(&held_out).flat_map(Loaded::said);
-    let doubts = report::gap_left(score_after)
-        .into_iter()
-        .chain(checked.iter().filter_map(HeldOut::doubt));
+    // A search that was ended is not judged.
+    let doubts = report::gap_left(score_after).into_iter();
+    let doubts = doubts.filter(|_| !interrupted);
+    let doubts = doubts.chain(checked.iter().filter_map(HeldOut::doubt));
     Ok(Report {
         warnings: warnings.collect(),
         doubts: doubts.collect(),

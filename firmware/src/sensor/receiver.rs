@@ -3,6 +3,19 @@
 
 use nalgebra::Vector3;
 
+/// A receiver's velocity that has not been attached to a sample.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Solution {
+    /// In inertial axes (m/s).
+    pub(super) velocity: Vector3<f32>,
+    pub(super) speed: f32,
+    /// Standard deviation (m/s).
+    pub(super) deviation: f32,
+    /// Time at which it arrived (us, the board's clock), and its age then (s).
+    pub(super) arrived: u64,
+    pub(super) age: f32,
+}
+
 /// Number of times that a receiver in motion may repeat a velocity, which it gives to the millimetre per second.
 const REPEATS: u8 = 2;
 /// Difference of the two clocks by which an epoch of the receiver begins (ms): its week ended, or it found the time.
