@@ -8,13 +8,13 @@
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::body::pattern;
-use crate::body::posture::Posture;
-use crate::body::{Segment, SegmentArray};
+use crate::body::posture::{Posture, joint_rotation};
+use crate::body::{SEGMENT_COUNT, Segment, SegmentArray};
 use crate::math::{Real, clamp, normalized};
 
 /// Standard deviation of a segment that has no sensor, each axis (degrees), in the order of [`Segment::ALL`]: with a
 /// sensor further out, and without.
-const OPEN_DEG: SegmentArray<[f64; 2]> = SegmentArray::new([
+const OPEN_DEG: SegmentArray<[f32; 2]> = SegmentArray::new([
     [0.0, 0.0],
     [5.0, 8.0],
     [8.0, 12.0],
@@ -32,6 +32,34 @@ const OPEN_DEG: SegmentArray<[f64; 2]> = SegmentArray::new([
     [20.0, 25.0],
     [30.0, 30.0],
 ]);
+
+/// Joint angles of [`pattern::NEUTRAL`] in single precision: the unit converts no double precision in flight.
+const NEUTRAL: SegmentArray<[f32; 3]> = {
+    let mut angles = [[0.0; 3]; SEGMENT_COUNT];
+    let mut row = 0;
+    while row < pattern::NEUTRAL.len() {
+        let (segment, of) = pattern::NEUTRAL[row];
+        let mut axis = 0;
+        while axis < 3 {
+            #[expect(clippy::cast_possible_truncation, reason = "to single precision")]
+            let angle = of[axis] as f32;
+            angles[segment as usize][axis] = angle;
+            axis += 1;
+        }
+        row += 1;
+    }
+    SegmentArray::new(angles)
+};
+
+/// The flying pose.
+fn neutral<T: Real>() -> Posture<T> {
+    NEUTRAL
+        .iter()
+        .fold(Posture::h_pose(), |posture, (segment, angles)| {
+            let [psi, theta, phi] = angles.map(T::single);
+            posture.with(segment, joint_rotation(psi, theta, phi))
+        })
+}
 
 /// A segment's orientation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,7 +83,7 @@ impl<T: Real> Orientation<T> {
 pub fn filled<T: Real>(
     measured: &SegmentArray<Option<Orientation<T>>>,
 ) -> SegmentArray<Orientation<T>> {
-    let neutral = pattern::neutral::<T>();
+    let neutral = neutral::<T>();
     let mut found = SegmentArray::from_fn(|_| Orientation {
         body_from_segment: UnitQuaternion::identity(),
         covariance: Matrix3::zeros(),
@@ -71,7 +99,7 @@ pub fn filled<T: Real>(
         }
         let parent = &found[parent];
         let further = outwards(segment, measured);
-        let [with, without] = OPEN_DEG[segment].map(|degrees| T::of(degrees.to_radians()));
+        let [with, without] = OPEN_DEG[segment].map(|degrees| T::single(degrees.to_radians()));
         let filled = match further {
             Some(further) => Orientation {
                 body_from_segment: halfway(&parent.body_from_segment, &further.body_from_segment),

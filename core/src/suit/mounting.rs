@@ -15,13 +15,13 @@ use crate::math::{Real, normalized};
 /// (degrees).
 #[derive(Debug, Clone, Copy)]
 struct Conduct {
-    tilt: f64,
+    tilt: f32,
     bend: i8,
     march: i8,
-    axis: f64,
+    axis: f32,
 }
 
-const fn conduct(tilt: f64, bend: i8, march: i8, axis: f64) -> Conduct {
+const fn conduct(tilt: f32, bend: i8, march: i8, axis: f32) -> Conduct {
     Conduct {
         tilt,
         bend,
@@ -173,8 +173,8 @@ pub fn fit<T: Real>(
 ) -> Result<Mounting<T>, MountingError> {
     let conduct = CONDUCT[segment];
     let up = stances.upright;
-    let radians = |degrees: f64| T::of(degrees.to_radians());
-    let sign = |sign: i8| T::of(f64::from(sign));
+    let radians = |degrees: f32| T::single(degrees.to_radians());
+    let sign = |sign: i8| T::single(f32::from(sign));
     let bend = stances.bent.and_then(|bent| {
         // Up moves to the back when a segment leans forwards, about the left axis.
         let turn = bent.cross(&up);

@@ -14,15 +14,15 @@ use crate::math::Real;
 #[derive(Debug, Clone, Copy)]
 struct Range {
     of: Segment,
-    ends: [[f64; 2]; 3],
+    ends: [[f32; 2]; 3],
     /// Greatest turn about its own length relative to the other one (degrees).
-    twist: f64,
+    twist: f32,
 }
 
-const FREE: [f64; 2] = [-1.0, 1.0];
-const ANY: f64 = 180.0;
+const FREE: [f32; 2] = [-1.0, 1.0];
+const ANY: f32 = 180.0;
 
-const fn range(of: Segment, ends: [[f64; 2]; 3], twist: f64) -> Option<Range> {
+const fn range(of: Segment, ends: [[f32; 2]; 3], twist: f32) -> Option<Range> {
     Some(Range { of, ends, twist })
 }
 
@@ -82,13 +82,13 @@ pub fn beyond<T: Real>(
     }
     let mut most = T::zero();
     for (part, [least, greatest]) in along.iter().zip(range.ends) {
-        for excess in [*part - T::of(greatest), T::of(least) - *part] {
+        for excess in [*part - T::single(greatest), T::single(least) - *part] {
             if excess > most {
                 most = excess;
             }
         }
     }
-    let twist = twist(&relative).abs() - T::of(range.twist.to_radians());
+    let twist = twist(&relative).abs() - T::single(range.twist.to_radians());
     Some((range.of, if twist > most { twist } else { most }))
 }
 

@@ -10,9 +10,9 @@ use crate::body::{Body, Segment};
 use crate::math::{Real, normalized};
 
 /// Further share of the force that the lever arms cause.
-const LEVER: f64 = 0.3;
+const LEVER: f32 = 0.3;
 /// The same for a pair with a segment without sensor between them.
-const FAR_LEVER: f64 = 0.6;
+const FAR_LEVER: f32 = 0.6;
 
 /// A sensor with its calibration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,7 +35,7 @@ pub(super) struct Link<T: Real> {
     pub(super) parent: usize,
     pub(super) from_parent: Vector3<T>,
     pub(super) from_own: Vector3<T>,
-    pub(super) lever: f64,
+    pub(super) lever: f32,
 }
 
 #[derive(Debug, Clone, Copy)]

@@ -30,8 +30,8 @@ const REST: [f64; 3] = [0.2, 0.4, 0.7];
 const NOISE: f64 = 0.000_17;
 /// Standard deviation of a segment relative to its sensor, each axis: soft tissue, and axes that are no hinges (rad). On the
 /// trunk sensors lie on bones.
-const TISSUE: f64 = 0.03;
-const BONE: f64 = 0.01;
+const TISSUE: f32 = 0.03;
+const BONE: f32 = 0.01;
 /// Error of the first attitude's tilt (rad).
 const TILT: f64 = 0.01;
 
@@ -79,7 +79,7 @@ impl<T: Real> SuitPosture<T> {
 }
 
 /// Variance of a segment relative to the pelvis by what lies between them and their sensors, each axis (rad2).
-const fn tissue(segment: Segment) -> f64 {
+const fn tissue(segment: Segment) -> f32 {
     let own = match segment {
         Segment::Pelvis | Segment::Abdomen | Segment::Thorax | Segment::Head => BONE,
         _ => TISSUE,
@@ -254,7 +254,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
         let (own, own_lever) = sensor.force_at(&link.from_own, window);
         let (other, other_lever) = parent.force_at(&link.from_parent, window);
         let lever = (own_lever.norm_squared() + other_lever.norm_squared()).root();
-        let variance = square(T::of(FORCE)) + square(T::of(link.lever) * lever);
+        let variance = square(T::of(FORCE)) + square(T::single(link.lever) * lever);
         let (errors, mismatch) = self.relative.compare(&Comparison {
             pair: (index, Some(link.parent)),
             seen: own,
@@ -358,7 +358,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
             let covariance = self
                 .relative
                 .between((index, &of_segment), (root, &of_body));
-            let tissue = Matrix3::from_diagonal_element(T::of(tissue(sensor.fitted.segment)));
+            let tissue = Matrix3::from_diagonal_element(T::single(tissue(sensor.fitted.segment)));
             measured[sensor.fitted.segment] = Some(Orientation {
                 body_from_segment: normalized(
                     body_from_reference.into_inner() * reference_from_segment.into_inner(),
