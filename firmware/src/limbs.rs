@@ -1,6 +1,6 @@
 //! Sensors on the limbs: from the bytes of their line to postures with their errors.
 //!
-//! Sensors that were never calibrated wait for the [`poses`]. Calibrated ones wait until the person stands upright and
+//! Sensors that were never calibrated wait for the poses. Calibrated ones wait until the person stands upright and
 //! still, from which postures follow. A sensor that is missing then, fails, or slips leaves its segment to a rule, with
 //! the error of that. After half a second without the line postures are unknown, until the person stands upright again.
 
