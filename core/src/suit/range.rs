@@ -10,7 +10,7 @@ use crate::body::{Segment, SegmentArray};
 use crate::math::Real;
 
 /// Ends of a range that nobody reaches, as components of the direction of a segment's outer end along axes of another
-/// one: least and greatest to the left, to the back and towards the head. Of the right side they are mirrored.
+/// one: least and greatest to the left, to the back and towards the head.
 #[derive(Debug, Clone, Copy)]
 struct Range {
     of: Segment,
@@ -26,7 +26,7 @@ const fn range(of: Segment, ends: [[f32; 2]; 3], twist: f32) -> Option<Range> {
     Some(Range { of, ends, twist })
 }
 
-/// In the order of [`Segment::ALL`], for the left side.
+/// In the order of [`Segment::ALL`]; those of the right side are mirrored.
 const RANGES: SegmentArray<Option<Range>> = SegmentArray::new([
     None,
     None,
@@ -39,8 +39,8 @@ const RANGES: SegmentArray<Option<Range>> = SegmentArray::new([
     range(Segment::Thorax, [[-0.75, 1.0], [-1.0, 0.9], FREE], ANY),
     range(Segment::LeftUpperArm, [FREE, FREE, [-1.0, 0.92]], ANY),
     None,
-    range(Segment::Thorax, [[-0.75, 1.0], [-1.0, 0.9], FREE], ANY),
-    range(Segment::RightUpperArm, [FREE, FREE, [-1.0, 0.92]], ANY),
+    None,
+    None,
     None,
     range(
         Segment::Pelvis,
@@ -53,30 +53,27 @@ const RANGES: SegmentArray<Option<Range>> = SegmentArray::new([
         50.0,
     ),
     None,
-    range(
-        Segment::Pelvis,
-        [[-0.6, 0.9], [-1.0, 0.65], [-1.0, 0.6]],
-        60.0,
-    ),
-    range(
-        Segment::RightThigh,
-        [[-0.3, 0.3], [-0.25, 1.0], [-1.0, 0.85]],
-        50.0,
-    ),
+    None,
+    None,
     None,
 ]);
 
 /// By how much a component of a segment's direction is outside its range, about an angle (rad), and along which other
-/// segment; `None` if it has no range. Rotations are
-/// those of the segments to one frame.
+/// segment; `None` if it has no range. Rotations are those of the segments to one frame.
 pub fn beyond<T: Real>(
     segment: Segment,
     from_segments: &SegmentArray<UnitQuaternion<T>>,
 ) -> Option<(Segment, T)> {
-    let range = RANGES[segment]?;
-    let relative = from_segments[range.of].inverse() * from_segments[segment];
-    let mut along = relative * -Vector3::z();
     let is_right = segment.mirrored() < segment;
+    let (range, of) = if is_right {
+        let range = RANGES[segment.mirrored()]?;
+        (range, range.of.mirrored())
+    } else {
+        let range = RANGES[segment]?;
+        (range, range.of)
+    };
+    let relative = from_segments[of].inverse() * from_segments[segment];
+    let mut along = relative * -Vector3::z();
     if is_right {
         along.x = -along.x;
     }
@@ -89,7 +86,7 @@ pub fn beyond<T: Real>(
         }
     }
     let twist = twist(&relative).abs() - T::single(range.twist.to_radians());
-    Some((range.of, if twist > most { twist } else { most }))
+    Some((of, if twist > most { twist } else { most }))
 }
 
 /// The turn of a segment about its own length (rad), within half a turn either way.

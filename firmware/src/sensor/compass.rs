@@ -7,9 +7,8 @@
 //! magnetometer bounds how far the heading drifts from then on. It never makes a heading better than its own error, since
 //! that does not average out.
 
-use core::f32::consts::PI;
-
 use bodyflight_core::Lanes;
+use bodyflight_core::math::wrap_angle;
 use nalgebra::Vector3;
 
 /// Error of the field's direction, which changes with the attitude in it (rad): iron worn on the body, and what is left of
@@ -49,17 +48,6 @@ pub(super) struct Compass {
 pub(super) struct Correction {
     pub(super) turn: f32,
     pub(super) error: f32,
-}
-
-/// The angle between -pi and pi.
-fn wrapped(angle: f32) -> f32 {
-    if angle > PI {
-        angle - 2.0 * PI
-    } else if angle < -PI {
-        angle + 2.0 * PI
-    } else {
-        angle
-    }
 }
 
 impl Compass {
@@ -128,7 +116,7 @@ impl Compass {
         if heading_error <= error {
             return None;
         }
-        let turn = wrapped(bearing - angle);
+        let turn = wrap_angle(bearing - angle);
         if turn.abs() > BOUNDS * (heading_error + error) {
             return None;
         }
@@ -148,6 +136,7 @@ impl Compass {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use core::f32::consts::PI;
 
     /// The earth's field where it dips by 63 degrees, `angle` from north towards west.
     fn field(angle: f32) -> Vector3<f32> {
