@@ -11,7 +11,7 @@ use bodyflight_core::suit::placement::of_size;
 use bodyflight_core::{Posture, Segment};
 use bodyflight_laboratory::limb_sensors::line::STANDING;
 use bodyflight_laboratory::limb_sensors::{Fault, LimbSensors, Sizes, Streams};
-use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, fly};
+use bodyflight_laboratory::synthesize::{self, DEFAULT_SWAY, JointError, Request};
 use bodyflight_mvnx::recording::FlightFrame;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::subject::Subject;
@@ -37,12 +37,7 @@ fn flown(subject: &Subject) -> Vec<FlightFrame> {
         sway: DEFAULT_SWAY,
         tunnel: false,
     };
-    let mut frames = Vec::new();
-    let mut each = |frame: FlightFrame| {
-        frames.push(frame);
-        Ok(())
-    };
-    fly(&request, &flight.dynamics(4000.0), &mut each, &mut |_| {}).expect("a flight");
+    let mut frames = synthesize::flown(&request, &flight.dynamics(4000.0)).expect("a flight");
     frames.retain(|frame| frame.time <= SECONDS);
     frames
 }

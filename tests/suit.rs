@@ -18,7 +18,7 @@ use bodyflight_core::suit::placement::{SETS, of_size};
 use bodyflight_core::suit::strapdown::Reading;
 use bodyflight_core::{Segment, SegmentArray};
 use bodyflight_laboratory::limb_sensors::{Fault, LimbSensors, Sizes, Streams};
-use bodyflight_laboratory::synthesize::{JointError, Request, fly};
+use bodyflight_laboratory::synthesize::{self, JointError, Request};
 use bodyflight_mocap::imu::mapping::ImuMapping;
 use bodyflight_mocap::imu::stream::Stream;
 use bodyflight_mocap::imu::worn::{Worn, worn};
@@ -43,13 +43,7 @@ fn flown(name: &str, seed: u64) -> Vec<FlightFrame> {
         sway: 0.02,
         tunnel: false,
     };
-    let mut frames = Vec::new();
-    let mut each = |frame: FlightFrame| {
-        frames.push(frame);
-        Ok(())
-    };
-    fly(&request, &flight.dynamics(4000.0), &mut each, &mut |_| {}).expect("a flight");
-    frames
+    synthesize::flown(&request, &flight.dynamics(4000.0)).expect("a flight")
 }
 
 /// What the program makes of the sensors' readings.

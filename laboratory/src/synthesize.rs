@@ -202,12 +202,7 @@ fn worn(request: &Request<'_>, dynamics: &Dynamics<f64>, limbs: Limbs) -> Result
         joint_error: JointError::default(),
         ..request.clone()
     };
-    let mut frames = Vec::new();
-    let mut each = |frame: FlightFrame| {
-        frames.push(frame);
-        Ok(())
-    };
-    fly(&exact, dynamics, &mut each, &mut |_| {})?;
+    let frames = flown(&exact, dynamics)?;
     let sensors = LimbSensors {
         seed: request.seed,
         segments: limbs.segments,
@@ -215,6 +210,20 @@ fn worn(request: &Request<'_>, dynamics: &Dynamics<f64>, limbs: Limbs) -> Result
         fault: limbs.fault,
     };
     Ok(sensors.of(&dynamics.body, &frames))
+}
+
+/// Flies the maneuver and returns every recorded frame.
+///
+/// # Errors
+/// Returns an error if Ctrl-C is pressed.
+pub fn flown(request: &Request<'_>, dynamics: &Dynamics<f64>) -> Result<Vec<FlightFrame>> {
+    let mut frames = Vec::new();
+    let mut each = |frame| {
+        frames.push(frame);
+        Ok(())
+    };
+    fly(request, dynamics, &mut each, &mut |_| {})?;
+    Ok(frames)
 }
 
 /// Flies the maneuver, passes every recorded frame to `each`, and returns the number of frames.

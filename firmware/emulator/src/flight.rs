@@ -3,7 +3,7 @@
 use bodyflight_core::link::{Configure, Sample, SegmentTable};
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
-use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, fly};
+use bodyflight_laboratory::synthesize::{self, DEFAULT_SWAY, JointError, Request};
 use bodyflight_mvnx::recording::FlightFrame;
 use bodyflight_replay::flight as file;
 use bodyflight_replay::subject::Subject;
@@ -58,12 +58,6 @@ pub(crate) fn flown(maneuver: &str) -> Result<(file::Flight, Vec<FlightFrame>)> 
         tunnel: false,
         joint_error: JointError::default(),
     };
-    let mut frames = Vec::new();
-    let mut keep = |frame| {
-        frames.push(frame);
-        Ok(())
-    };
-    let failed = |problem| format!("{problem:?}");
-    fly(&request, &flight.dynamics(4000.0), &mut keep, &mut |_| ()).map_err(failed)?;
-    Ok((flight, frames))
+    let frames = synthesize::flown(&request, &flight.dynamics(4000.0));
+    Ok((flight, frames.map_err(|problem| format!("{problem:?}"))?))
 }

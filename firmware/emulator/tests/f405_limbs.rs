@@ -15,7 +15,7 @@ use bodyflight_firmware::limbs::Limbs;
 use bodyflight_laboratory::limb_sensors::line::STANDING;
 use bodyflight_laboratory::limb_sensors::{LimbSensors, Sizes};
 use bodyflight_laboratory::sensor_bytes::SensorBytes;
-use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, fly};
+use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, flown};
 use bodyflight_replay::flight as file;
 use bodyflight_unit::monitor::Input;
 use bodyflight_unit::sensor_line;
@@ -40,12 +40,7 @@ fn line() -> Vec<(f64, Vec<u8>)> {
         sway: DEFAULT_SWAY,
         tunnel: false,
     };
-    let mut frames = Vec::new();
-    let mut each = |frame: bodyflight_mvnx::recording::FlightFrame| {
-        frames.push(frame);
-        Ok(())
-    };
-    fly(&request, &flight.dynamics(4000.0), &mut each, &mut |_| {}).unwrap();
+    let mut frames = flown(&request, &flight.dynamics(4000.0)).unwrap();
     frames.retain(|frame| frame.time <= AFTER);
     let sensors = LimbSensors {
         seed: 2,
