@@ -11,9 +11,12 @@ use std::time::{Duration, Instant};
 use bodyflight_shared_data::{LEFT_OUT, listed};
 use bodyflight_tests::program::{ctrl_c, text};
 
-/// Documented commands of these verbs use fixed ports, so only one of them runs at a time.
-const WITH_PORTS: [&str; 5] = ["fly", "mvn", "stream", "unit", "view"];
-static PORTS: Mutex<()> = Mutex::new(());
+/// Documented commands with one of these words use MVN's port, so only one of them runs at a time.
+const WITH_PORT: [&str; 2] = ["mvn", "--mvn"];
+static PORT: Mutex<()> = Mutex::new(());
+
+/// Commands that run at once in each test: some fly in real time, and wait more than they compute.
+const AT_ONCE: usize = 2;
 
 /// The program.
 const BODYFLIGHT: &str = env!("CARGO_BIN_EXE_bodyflight");
@@ -234,9 +237,9 @@ fn tried(place: &Path, example: &[String]) -> (Option<i32>, String) {
             .replace("/media/", "absent/")
     });
     let alone = example
-        .first()
-        .is_some_and(|verb| WITH_PORTS.contains(&verb.as_str()));
-    let _alone = alone.then(|| PORTS.lock().unwrap_or_else(PoisonError::into_inner));
+        .iter()
+        .any(|word| WITH_PORT.contains(&word.as_str()));
+    let _alone = alone.then(|| PORT.lock().unwrap_or_else(PoisonError::into_inner));
     let mut child = Command::new(BODYFLIGHT)
         .args(words)
         .current_dir(place)
@@ -302,6 +305,41 @@ fn complaint(place: &Path, name: &str, example: &[String]) -> Option<String> {
         .then(|| format!("{example:?} ended with {code:?}: {said}"))
 }
 
+/// Documented commands that run one after the other in a folder of their own.
+struct Commands {
+    name: String,
+    examples: Vec<Vec<String>>,
+}
+
+/// Runs all that were not run before, each in a copy of the folder `base`; returns what is wrong.
+fn complaints(folder: &Path, base: &Path, all: Vec<Commands>) -> Vec<String> {
+    let left = Mutex::new(all.into_iter().enumerate());
+    let wrong = Mutex::new(Vec::new());
+    let work = || {
+        let next = || left.lock().unwrap_or_else(PoisonError::into_inner).next();
+        while let Some((place, Commands { name, examples })) = next() {
+            if was_run_before(&name) {
+                continue;
+            }
+            let place = folder.join(place.to_string());
+            copied(base, &place);
+            for example in examples {
+                make_room(&place, &example);
+                let found = complaint(&place, &name, &example);
+                let mut wrong = wrong.lock().unwrap_or_else(PoisonError::into_inner);
+                wrong.extend(found);
+            }
+            fs::remove_dir_all(&place).expect("removed");
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..AT_ONCE {
+            scope.spawn(work);
+        }
+    });
+    wrong.into_inner().unwrap_or_else(PoisonError::into_inner)
+}
+
 #[test]
 fn the_examples_of_the_help_work() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -317,27 +355,18 @@ fn the_examples_of_the_help_work() {
         }
         helps.push((verb, page));
     }
-    let mut wrong = Vec::new();
-    let mut run = 0;
+    let mut all = Vec::new();
     for (verb, page) in helps {
         let examples = examples(&page);
-        if examples.is_empty() {
-            wrong.push(format!("{verb} --help has no example"));
-        }
-        for example in examples {
-            run += 1;
-            let name = example.join(" ");
-            if was_run_before(&name) {
-                continue;
-            }
-            let place = folder.path().join(format!("{run}"));
-            copied(&base, &place);
-            wrong.extend(complaint(&place, &name, &example));
-            fs::remove_dir_all(&place).expect("removed");
-        }
+        assert!(!examples.is_empty(), "{verb} --help has no example");
+        all.extend(examples.into_iter().map(|example| Commands {
+            name: example.join(" "),
+            examples: vec![example],
+        }));
     }
+    assert!(all.len() >= 35, "only {} examples were found", all.len());
+    let wrong = complaints(folder.path(), &base, all);
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    assert!(run >= 35, "only {run} examples were run");
 }
 
 /// The commands of this program in each block of shell commands on a page.
@@ -384,32 +413,23 @@ fn the_commands_of_the_pages_work() {
     prepared(&base);
     let acrobatics = Path::new(env!("CARGO_MANIFEST_DIR")).join("../verbs/data/acrobatics");
     copied(&acrobatics, &base.join("acrobatics"));
-    let mut wrong = Vec::new();
-    let mut run = 0;
+    let mut all = Vec::new();
     for path in pages() {
         let page = fs::read_to_string(&path).expect("readable");
         for (k, block) in shell_blocks(&page).into_iter().enumerate() {
+            // BVH files are tested in tests/imports.
+            let elsewhere = |word: &String| word.ends_with(".bvh") || word == "OTHER/TRACK.CSV";
+            let mut examples = block;
+            examples.retain(|example| !example.iter().any(elsewhere));
+            for word in examples.iter_mut().flatten() {
+                *word = word.replace("verbs/data/", "");
+            }
             let name = format!("{}-{k}", path.file_stem().expect("a name").display());
-            run += block.len();
-            if was_run_before(&name) {
-                continue;
-            }
-            let place = folder.path().join(&name);
-            copied(&base, &place);
-            for mut example in block {
-                for word in &mut example {
-                    *word = word.replace("verbs/data/", "");
-                }
-                // BVH files are tested in tests/imports.
-                let elsewhere = |word: &String| word.ends_with(".bvh") || word == "OTHER/TRACK.CSV";
-                if example.iter().any(elsewhere) {
-                    continue;
-                }
-                make_room(&place, &example);
-                wrong.extend(complaint(&place, &name, &example));
-            }
+            all.push(Commands { name, examples });
         }
     }
+    let run: usize = all.iter().map(|block| block.examples.len()).sum();
+    assert!(run >= 20, "only {run} commands were found");
+    let wrong = complaints(folder.path(), &base, all);
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    assert!(run >= 20, "only {run} commands were run");
 }

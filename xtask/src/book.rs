@@ -41,7 +41,8 @@ pub(crate) fn book() -> Result<()> {
     copy(&root().join("docs/book.toml"), &folder.join("book.toml"))?;
     // The features for serving and watching the book are not needed, nor is speed: it is compiled in a third of the time.
     let options = ["--no-default-features", "--features", "search", "--debug"];
-    let program = tool("mdbook", "0.5.4", &options, &[])?
+    let variables = [("CARGO_PROFILE_DEV_DEBUG", "0".to_owned())];
+    let program = tool("mdbook", "0.5.4", &options, &variables)?
         .display()
         .to_string();
     run(&program, &["build", &folder.display().to_string()])?;
