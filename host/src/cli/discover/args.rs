@@ -25,9 +25,6 @@ pub(in crate::cli) struct Args {
     /// Name at most this many effects.
     #[arg(long, default_value_t = 3)]
     pub(super) max_effects: usize,
-    /// Seed of the random flights used for comparison; the same seed gives the same report.
-    #[arg(long, default_value_t = 1)]
-    pub(super) seed: u64,
     /// Folder for report.json, report.svg and model.toml; created if absent.
     #[arg(long)]
     pub(super) out: Option<PathBuf>,
