@@ -202,7 +202,7 @@ pub(crate) struct Rejected {
     pub(crate) name: NamedEffect,
     /// Standard errors of the effects fitted with it.
     pub(crate) errors: EffectSet,
-    /// Whether it was significant before subject, coefficients and joints were adjusted, so that it may be the cause of
+    /// Whether it was promising before subject, coefficients and joints were adjusted, so that it may be the cause of
     /// these adjustments.
     pub(crate) is_alternative: bool,
 }

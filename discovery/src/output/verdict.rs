@@ -5,7 +5,7 @@ use bodyflight_core::effect::PARAMETER_COUNT;
 
 use crate::error::{Error, Result};
 use crate::hypotheses::decision::DECISION;
-use crate::hypotheses::hypothesis::{NamedEffect, Rejected};
+use crate::hypotheses::hypothesis::{Hypothesis, NamedEffect, Rejected};
 use crate::hypotheses::robust_covariance::error_bars;
 use crate::hypotheses::score_test::JointFit;
 use crate::jacobian::effect_parameters::estimated;
@@ -51,9 +51,11 @@ pub(crate) fn report(
         EffectSet::new()
     };
     let (named, mut near) = outcome.split(told_names);
-    let is_near = |near: &Rejected| match outcome {
-        Outcome::Calibrated => near.is_alternative,
-        _ => near.name.hypothesis.false_discovery_rate() < 1.0 - DECISION.false_discovery_rate,
+    let is_possible =
+        |one: &Hypothesis| one.false_discovery_rate() < 1.0 - DECISION.false_discovery_rate;
+    let is_near = |near: &Rejected| {
+        is_possible(&near.name.hypothesis)
+            && (outcome != Outcome::Calibrated || near.is_alternative)
     };
     near.extend(nearest.filter(is_near).map(|near| {
         let effects = &near.name.hypothesis.effects;
