@@ -78,7 +78,7 @@ fn joined(flights: &[RecordedFlight]) -> Vec<Cow<'_, RecordedFlight>> {
 }
 
 /// Searches for effects that the model lacks in flights of one subject. The flights in `held_out` are not fitted, but
-/// must confirm the result. Short flights are joined, also in the report, where they follow the longer ones.
+/// judge the result. Short flights are joined, also in the report, where they follow the longer ones.
 ///
 /// # Errors
 /// Returns an error if a flight is too short, or if the search was cancelled.

@@ -19,7 +19,7 @@ pub(in crate::cli) struct Args {
     /// A flight.toml, or an MVNX file on its own. Several flights of one person are fitted together.
     #[arg(required = true)]
     pub(super) flights: Vec<PathBuf>,
-    /// Flights left out of the fit; an effect is named only if it improves these too.
+    /// Flights left out of the fit, which judge what is found in the others.
     #[arg(long, value_name = "FLIGHT", num_args = 1..)]
     pub(super) hold_out: Vec<PathBuf>,
     /// Name at most this many effects.
