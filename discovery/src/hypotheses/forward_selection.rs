@@ -199,13 +199,8 @@ pub(crate) fn selected<'a>(
         }
         out_of_question.push(name.hypothesis.effect);
         rejected.push(name.hypothesis.clone());
-        let errors = if bars.errors.is_empty() {
-            name.hypothesis.standard_errors(&[])
-        } else {
-            bars.errors
-        };
         nearest.get_or_insert(Rejected {
-            errors,
+            errors: bars.errors_beside(&name.hypothesis),
             is_alternative: names.is_empty(),
             name,
         });

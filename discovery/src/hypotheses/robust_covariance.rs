@@ -46,6 +46,15 @@ impl ErrorBars {
         }
     }
 
+    /// Standard errors of the effects, or those of the first-order estimate if there are no better ones.
+    pub(crate) fn errors_beside(self, hypothesis: &Hypothesis) -> EffectSet {
+        if self.errors.is_empty() {
+            hypothesis.standard_errors(&[])
+        } else {
+            self.errors
+        }
+    }
+
     /// The first of the effects, apart from the last, that is not certain beside the others.
     pub(crate) fn redundant(&self) -> Option<Hypothesis> {
         let last = self.last.as_ref()?;
