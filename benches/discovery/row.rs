@@ -149,6 +149,10 @@ fn judged(case: &Case, report: &Report) -> Value {
         "described_share_held_out": described
             .and_then(|d| d.explained_held_out.first().copied())
             .map(rounded),
+        "judged": report.effects.iter().chain(&report.nearest).map(|named| json!({
+            "acts": 1.0 - named.evidence.false_discovery_rate,
+            "is_hidden": covers(case, named),
+        })).collect::<Vec<_>>(),
         "nearest": report.nearest.iter().map(|named| named.name).collect::<Vec<_>>(),
         "left": report.remainders.first().map(|left| left.in_words.clone()),
         "right": is_right(case, report),

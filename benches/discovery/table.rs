@@ -69,6 +69,7 @@ pub(super) fn tables(rows: &[Value]) -> String {
         }
     }
     everything(&mut text, rows);
+    calibrated(&mut text, rows);
     clean(&mut text, rows);
     described(&mut text, rows);
     wrong(&mut text, rows);
@@ -129,6 +130,41 @@ fn everything(text: &mut String, rows: &[Value]) {
     text.push('\n');
     for (words, part, of) in lines {
         let _ = writeln!(text, "- {words}: {part} of {of}, {}.", share(part, of));
+    }
+}
+
+/// Probabilities that separate the lines of [`calibrated`].
+const STATED: [f64; 6] = [0.0, 0.02, 0.5, 0.98, 0.999, 1.0];
+
+/// How often effects act, by the stated probability that they do: those named, and the nearest one.
+fn calibrated(text: &mut String, rows: &[Value]) {
+    let judged = rows.iter().filter_map(|row| row["judged"].as_array());
+    let judged: Vec<&Value> = judged.flatten().collect();
+    if judged.is_empty() {
+        return;
+    }
+    text.push_str(
+        "\n| stated probability that an effect acts | effects | that act (95 % interval) |\n|---|---|---|\n",
+    );
+    for bounds in STATED.windows(2) {
+        let (least, most) = (bounds[0], bounds[1]);
+        let is_within = |one: &&&Value| {
+            let acts = one["acts"].as_f64().unwrap_or(f64::NAN);
+            least <= acts && (acts < most || (acts <= most && most >= 1.0))
+        };
+        let own: Vec<&Value> = judged.iter().filter(is_within).copied().collect();
+        if own.is_empty() {
+            continue;
+        }
+        let act = count(&own, "is_hidden");
+        let _ = writeln!(
+            text,
+            "| {:.1} to {:.1} % | {} | {act}, {} |",
+            100.0 * least,
+            100.0 * most,
+            own.len(),
+            share(act, own.len()),
+        );
     }
 }
 

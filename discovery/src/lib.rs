@@ -31,7 +31,7 @@ use bodyflight_core::tolerances::Tolerances;
 
 use error::{Error, Result};
 use hypotheses::decision::DECISION;
-use hypotheses::forward_selection::{ERRORS, FitWithoutEffects, Limits, selected};
+use hypotheses::forward_selection::{ERRORS, FitWithoutEffects, selected};
 use hypotheses::random_effect_test::{scored, strongest};
 use hypotheses::refit::Refit;
 use hypotheses::score_test::JointFit;
@@ -50,8 +50,6 @@ use unmodelled::search::described;
 pub struct Settings {
     /// Maximum number of effects to name.
     pub max_effects: usize,
-    /// Seed of the random draws.
-    pub seed: u64,
     /// Tolerances of suit, subject and sensors.
     pub tolerances: Tolerances,
 }
@@ -60,7 +58,6 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             max_effects: 3,
-            seed: 1,
             tolerances: Tolerances::default(),
         }
     }
@@ -81,7 +78,7 @@ fn joined(flights: &[RecordedFlight]) -> Vec<Cow<'_, RecordedFlight>> {
 }
 
 /// Searches for effects that the model lacks in flights of one subject. The flights in `held_out` are not fitted, but
-/// must confirm the result. Short flights are joined, also in the report, where they follow the longer ones.
+/// judge the result. Short flights are joined, also in the report, where they follow the longer ones.
 ///
 /// # Errors
 /// Returns an error if a flight is too short, or if the search was cancelled.
@@ -121,11 +118,7 @@ pub fn discover(
         tolerances: settings.tolerances,
         progress,
     };
-    let limits = Limits {
-        max_effects: settings.max_effects,
-        seed: settings.seed,
-    };
-    let found = selected(&refit, alone, limits)?;
+    let found = selected(&refit, alone, settings.max_effects)?;
     begin(progress, "the remaining residual")?;
     let (joint_fit, bare) = (found.joint_fit, found.bare);
     let report = report(

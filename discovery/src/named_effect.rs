@@ -47,12 +47,10 @@ fn as_map<S: Serializer>(
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct EffectEvidence {
-    /// Significance of its gain in all flights together, in standard deviations, which decides whether it is named.
-    #[serde(rename = "confidence")]
-    pub z_score: f64,
-    /// Probability that some effect of the library is as significant in flights that lack nothing, if such flights were
-    /// drawn.
-    pub chance: Option<f64>,
+    /// Natural logarithm of the odds that it acts, given all flights, which decides whether it is named.
+    pub log_odds: f64,
+    /// The same as the probability that it does not act: the local false discovery rate.
+    pub false_discovery_rate: f64,
     /// Share of the remaining disagreement that it explains.
     pub explains: f64,
 }
@@ -63,7 +61,7 @@ pub struct EffectEvidence {
 pub struct Rival {
     /// Its name.
     pub name: &'static str,
-    /// Its gain relative to that of the named effect.
+    /// Probability that it acts instead, given that the named effect or a rival acts.
     pub share: f64,
 }
 

@@ -28,19 +28,18 @@ impl Progress for Watched<'_> {
 ///
 /// Returns the dictionary of `bodyflight discover --json`. `progress` is called with the share done.
 #[pyfunction]
-#[pyo3(signature = (flights, *, hold_out = vec![], max_effects = 3, seed = 1, progress = None), text_signature = "(flights, *, hold_out=(), max_effects=3, seed=1, progress=None)")]
+#[pyo3(signature = (flights, *, hold_out = vec![], max_effects = 3, progress = None), text_signature = "(flights, *, hold_out=(), max_effects=3, progress=None)")]
 pub(crate) fn discover(
     py: Python<'_>,
     flights: Vec<Flight>,
     hold_out: Vec<Flight>,
     max_effects: usize,
-    seed: u64,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyAny>> {
     let options: Vec<_> = flights.iter().chain(&hold_out).map(|f| f.options).collect();
     let files = |flights: Vec<Flight>| flights.into_iter().map(|f| f.inner).collect::<Vec<_>>();
     let (flights, held_out) = (files(flights), files(hold_out));
-    let request = Request { max_effects, seed };
+    let request = Request { max_effects };
     let report = long(py, progress, |progress| {
         let options = |place: usize| options.get(place).copied().unwrap_or_default();
         discover_flights(&flights, &held_out, options, request, &Watched(progress))

@@ -110,8 +110,6 @@ fn refuse_repeated(readings: &[(&Flight, Reading)], fitted: usize) -> Result<()>
 pub struct Request {
     /// Largest number of effects to name.
     pub max_effects: usize,
-    /// Seed of the random flights.
-    pub seed: u64,
 }
 
 /// Names what the model lacks in the fitted flights, checked on those held out. Tolerances are those of the first
@@ -139,7 +137,6 @@ pub fn discover_flights(
     let of_jumps = reading::judged(&readings)?;
     let settings = Settings {
         max_effects: request.max_effects,
-        seed: request.seed,
         tolerances: fitted
             .first()
             .map(|flight| flight.tolerances)

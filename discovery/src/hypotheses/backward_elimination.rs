@@ -4,42 +4,32 @@ use crate::named_effect::EffectSet;
 use bodyflight_core::effect::Effect;
 
 use crate::error::Result;
-use crate::hypotheses::decision::DECISION;
-use crate::hypotheses::hypothesis::{NamedEffect, differs};
+use crate::hypotheses::hypothesis::{NamedEffect, is_significant};
 use crate::hypotheses::refit::Refit;
-use crate::hypotheses::robust_covariance::error_bars;
+use crate::hypotheses::robust_covariance::{ErrorBars, error_bars};
 use crate::hypotheses::score_test::JointFit;
 
-/// The first effect, apart from the last one, that does not differ from neutral.
-fn redundant(effects: &EffectSet, errors: &EffectSet) -> Option<Effect> {
-    let (_, earlier) = effects.split_last()?;
-    let mut each = earlier.iter().zip(errors);
-    each.find(|(effect, errors)| !differs(effect, errors, None))
-        .map(|((effect, _), _)| *effect)
-}
-
-/// Drops every name whose effect no longer differs from neutral beside the last one, if the flights are about as
-/// likely without it: a gradient of the wind, for instance, once the wind itself is named. `errors` are the standard
-/// errors of the effects.
+/// Drops every name that is no longer certain beside the last one: a gradient of the wind, for instance, once the wind
+/// itself is named. `bars` are those of the effects.
 ///
 /// # Errors
 /// Returns an error if the search was cancelled.
 pub(crate) fn without_redundant<'a>(
     refit: &Refit<'a>,
     mut joint_fit: JointFit<'a>,
-    mut errors: EffectSet,
+    mut bars: ErrorBars,
     names: &mut Vec<NamedEffect>,
 ) -> Result<JointFit<'a>> {
-    while let Some(effect) = redundant(&joint_fit.effects, &errors) {
-        let Some(without) = fitted_without(refit, &joint_fit, effect)? else {
+    while let Some(redundant) = bars.redundant() {
+        let Some(without) = fitted_without(refit, &joint_fit, redundant.effect)? else {
             break;
         };
-        if without.likelihood() < joint_fit.likelihood() - DECISION.total_gain {
+        if is_significant(&without.compared(&joint_fit, &redundant)) {
             break;
         }
-        names.retain(|name| name.hypothesis.effect != effect);
+        names.retain(|name| name.hypothesis.effect != redundant.effect);
         joint_fit = without;
-        errors = error_bars(&joint_fit, refit.progress).errors;
+        bars = error_bars(&joint_fit, refit.progress);
     }
     Ok(joint_fit)
 }

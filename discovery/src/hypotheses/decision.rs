@@ -9,45 +9,19 @@ pub(crate) struct Decision {
     pub(crate) still_rad: f64,
     /// Number of effects that are refined by Gauss-Newton steps before they are compared.
     pub(crate) refined: usize,
-    /// First-order gain that this requires, as a share of the cost of the parameters.
-    pub(crate) refined_share: f64,
-    /// Quantile of the null distribution that an effect must exceed.
-    pub(crate) null_quantile: f64,
-    /// Largest loss of a held-out flight that is expected to remain after refitting, as a share of the gain of the fitted
-    /// flights: with large joint errors a held-out flight may seem to lose because of its own errors.
-    pub(crate) held_out_loss: f64,
-    /// Gain that each parameter costs (Schwarz criterion for a few hundred independent observations).
+    /// Probability that an effect does not act, below which it is named. An effect with less probability than this beside
+    /// the named one is not its rival.
+    pub(crate) false_discovery_rate: f64,
+    /// Standard deviation of the log-likelihood of refitted flights: fits of the same flights end in different minima.
+    pub(crate) refit_noise: f64,
+    /// The same as a share of the gain.
+    pub(crate) refit_noise_share: f64,
+    /// Gain that each parameter of a description costs (Schwarz criterion for a few hundred independent observations).
     pub(crate) gain_per_parameter: f64,
-    /// An effect is as good as the best if its gain is within this difference, or within `equal_share`.
-    pub(crate) equal_gain: f64,
-    /// The same as a share of the best gain.
-    pub(crate) equal_share: f64,
-    /// An effect is a rival of the best if its gain is within this difference: fits that end in different minima differ by
-    /// ten in each flight, so the best need not be the true one.
-    pub(crate) rival_gain: f64,
-    /// Gain by which a runner-up must be better to replace the best.
-    pub(crate) replacing_gain: f64,
-    /// Gain of a held-out flight that counts, relative to that of the fitted flights: movements differ, so one flight may
-    /// say more about an effect than another.
-    pub(crate) confirming_ratio: f64,
     /// Share of the way from neutral to the end of its range above which a parameter matters.
     pub(crate) material_share_of_range: f64,
     /// Minimum duration of a flight (s), three comparisons.
     pub(crate) shortest_s: f64,
-    /// Standard deviations by which a named effect must exceed the 99th percentile of the null distribution.
-    pub(crate) z_beyond_null: f64,
-    /// Least significance of a named effect in any case.
-    pub(crate) least_z: f64,
-    /// Half the width of intervals that contain all of one, two or three parameters in 95 % of flights (standard errors).
-    pub(crate) intervals: [f64; 3],
-    /// Least significance without a held-out flight.
-    pub(crate) least_z_without_held_out: f64,
-    /// Gain required in each held-out flight.
-    pub(crate) held_out_gain: f64,
-    /// Gain required in all flights together after the cost of the parameters.
-    pub(crate) total_gain: f64,
-    /// Difference of log-likelihood that is too small to rank effects.
-    pub(crate) equal_rank_gain: f64,
     /// Number of rejected effects after which the search ends.
     pub(crate) rejections: usize,
     /// Share of the best gain above which a runner-up is refitted too.
@@ -63,8 +37,6 @@ pub(crate) struct Decision {
     pub(crate) hopeless_deficit: f64,
     /// The same as a share of the best gain.
     pub(crate) hopeless_share: f64,
-    /// Gain from refitting the flights without an effect above which the choice of effect is reconsidered.
-    pub(crate) rethought_gain: f64,
     /// Standard deviations that the slope at zero strength must exceed for an effect that changes at random to be fitted.
     pub(crate) score_z: f64,
     /// The same in held-out flights.
@@ -81,9 +53,6 @@ pub(crate) struct Decision {
     pub(crate) failed_z: f64,
     /// Misfit per observation below which the model as given by the files agrees with the data.
     pub(crate) agreeing_misfit: f64,
-    /// Gain of log-likelihood above which an unknown force or moment acts beyond what sensors, joints and subject can
-    /// explain.
-    pub(crate) wrench_gain: f64,
     /// Unknown moment (N m) and force (N) in a tenth of a second below which they are too small to matter.
     pub(crate) immaterial_wrench: [f64; 2],
     /// Ratio of fitted to recorded noise of attitude and angular velocity above which the sensors no longer explain it.
@@ -108,8 +77,6 @@ pub(crate) struct Decision {
     pub(crate) group_share: f64,
     /// Standard errors by which a load must differ from zero.
     pub(crate) load_z: f64,
-    /// Gain that a description needs beyond its cost.
-    pub(crate) description_gain: f64,
     /// Gain that a description needs in each held-out flight.
     pub(crate) description_held_out_gain: f64,
     /// Share of what arbitrary forces and moments could explain that a description must explain in the fitted flights.
@@ -122,24 +89,12 @@ pub(crate) struct Decision {
 pub(crate) const DECISION: Decision = Decision {
     still_rad: 0.04,
     refined: 6,
-    refined_share: 0.5,
-    null_quantile: 0.99,
-    held_out_loss: 0.5,
+    false_discovery_rate: 0.02,
+    refit_noise: 5.0,
+    refit_noise_share: 0.005,
     gain_per_parameter: 3.0,
-    equal_gain: 5.0,
-    equal_share: 0.02,
-    rival_gain: 20.0,
-    replacing_gain: 1.0,
-    confirming_ratio: 3.0,
     material_share_of_range: 0.02,
     shortest_s: 0.3,
-    z_beyond_null: 1.0,
-    least_z: 4.5,
-    intervals: [1.96, 2.24, 2.39],
-    least_z_without_held_out: 7.0,
-    held_out_gain: 2.0,
-    total_gain: 12.0,
-    equal_rank_gain: 0.5,
     rejections: 3,
     runner_up_share: 0.4,
     runner_up_gain: 25.0,
@@ -147,7 +102,6 @@ pub(crate) const DECISION: Decision = Decision {
     runner_up_deficit: 0.05,
     hopeless_deficit: 100.0,
     hopeless_share: 0.3,
-    rethought_gain: 10.0,
     score_z: 3.0,
     score_z_held_out: 1.5,
     score_share: 0.5,
@@ -156,7 +110,6 @@ pub(crate) const DECISION: Decision = Decision {
     failed_misfit: 1.02,
     failed_z: 2.0,
     agreeing_misfit: 1.15,
-    wrench_gain: 12.0,
     immaterial_wrench: [1.5, 12.0],
     noise_ratio: 2.0,
     adjustment_z: 1.5,
@@ -168,8 +121,15 @@ pub(crate) const DECISION: Decision = Decision {
     at_a_point: 0.95,
     group_share: 0.03,
     load_z: 4.0,
-    description_gain: 12.0,
     description_held_out_gain: 4.0,
     description_share: 0.6,
     description_share_held_out: 0.7,
 };
+
+impl Decision {
+    /// Gain of log-likelihood that the errors of refits give away: half their variance. With normal errors, odds from which
+    /// it is subtracted are right on average.
+    pub(crate) const fn refit_allowance(&self) -> f64 {
+        0.5 * self.refit_noise * self.refit_noise
+    }
+}

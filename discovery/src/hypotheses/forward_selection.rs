@@ -3,14 +3,12 @@
 
 use crate::named_effect::EffectSet;
 use bodyflight_core::effect::{Effect, Kind};
-use bodyflight_falls::statistics::quantile_of_sorted;
 
 use crate::error::{Error, Result};
 use crate::hypotheses::backward_elimination::without_redundant;
 use crate::hypotheses::decision::DECISION;
 use crate::hypotheses::hypothesis::{
-    BestHypothesis, Hypothesis, NamedEffect, Rejected, by_chance, differs_from_neutral,
-    is_significant,
+    BestHypothesis, Hypothesis, NamedEffect, Rejected, is_significant,
 };
 use crate::hypotheses::refit::Refit;
 use crate::hypotheses::robust_covariance::error_bars;
@@ -67,15 +65,6 @@ impl FitWithoutEffects {
     }
 }
 
-/// How far to search.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Limits {
-    /// Maximum number of effects to name.
-    pub(crate) max_effects: usize,
-    /// Seed of the random draws.
-    pub(crate) seed: u64,
-}
-
 /// What the search has found.
 pub(crate) struct Selection<'a> {
     /// The flights fitted with the named effects.
@@ -99,60 +88,41 @@ fn reached(progress: &dyn Progress, tried: usize, share: f64) {
 }
 
 /// An effect that is not worth a fit of its own.
-fn unpromising(name: NamedEffect) -> Rejected {
+fn unpromising(hypothesis: Hypothesis) -> Rejected {
     Rejected {
-        errors: name.hypothesis.standard_errors(&[]),
-        name,
+        errors: hypothesis.standard_errors(&[]),
+        name: NamedEffect {
+            hypothesis,
+            others: Vec::new(),
+        },
         is_alternative: false,
     }
 }
 
-/// Whether a candidate is worth refitting everything with it. The threshold is lower than for a name, because errors
-/// fitted without the effect may have absorbed part of it.
-fn is_promising(hypothesis: &Hypothesis, chance: &[f64]) -> bool {
-    let least = quantile_of_sorted(chance, DECISION.null_quantile);
-    let is_confirmed =
-        hypothesis.z_score_together() > DECISION.least_z.max(least + DECISION.z_beyond_null);
-    hypothesis.penalized_gain() > 0.0 && (hypothesis.z_score() > least || is_confirmed)
+/// Whether a candidate is worth refitting everything with it: it is more likely than none. The threshold is lower than for
+/// a name, because errors fitted without the effect may have absorbed part of it.
+fn is_promising(hypothesis: &Hypothesis) -> bool {
+    hypothesis.score() > 0.0
 }
 
-/// The best candidate that matters. Among equals, the first in the library.
-fn best(hypotheses: &[Hypothesis], chance: &[f64]) -> Option<NamedEffect> {
-    let first = hypotheses.iter().find(|hypothesis| hypothesis.matters())?;
-    let equals = hypotheses.iter().filter(|other| {
-        other.matters()
-            && other.penalized_gain() > first.penalized_gain() - DECISION.equal_rank_gain
-    });
-    let best = equals.min_by_key(|hypothesis| hypothesis.effect)?;
-    Some(NamedEffect {
-        rivals: Vec::new(),
-        chance: by_chance(best.z_score_together(), chance),
-        hypothesis: best.clone(),
-    })
-}
-
-/// The best candidate in the first of several scenes in which it looks promising.
+/// The best candidate that matters in the first of several scenes in which it looks promising.
 fn sought(
     progress: &dyn Progress,
     joint_fits: &[&JointFit<'_>],
     out_of_question: &[Effect],
-    seed: u64,
 ) -> Result<Option<BestHypothesis>> {
-    let mut found = None;
+    let mut found: Option<BestHypothesis> = None;
     for (place, from) in joint_fits.iter().enumerate() {
         let hypotheses = from.hypotheses(out_of_question, progress)?;
-        let chance = from.null_distribution(seed);
-        let Some(name) = best(&hypotheses, &chance) else {
+        let Some(hypothesis) = hypotheses.iter().find(|one| one.matters()).cloned() else {
             continue;
         };
-        let is_promising = is_promising(&name.hypothesis, &chance);
+        let is_promising = is_promising(&hypothesis);
         if is_promising || found.is_none() {
             found = Some(BestHypothesis {
-                name,
+                hypothesis,
                 hypotheses,
-                chance,
                 around_files: joint_fits.len() > 1 && place == 0,
-                is_promising,
             });
         }
         if is_promising {
@@ -167,20 +137,6 @@ fn is_nameable(joint_fit: &JointFit<'_>, effect: Effect) -> bool {
     !joint_fit.is_thin() || effect.description().kind == Kind::Measurement
 }
 
-/// A candidate or a better competitor, the flights fitted with it if that succeeds, and whether it gains enough.
-fn refitted<'a>(
-    refit: &Refit<'a>,
-    files: &JointFit<'a>,
-    joint_fit: &mut JointFit<'a>,
-    found: BestHypothesis,
-) -> Result<(NamedEffect, Option<JointFit<'a>>, bool)> {
-    let chance = found.chance.clone();
-    let (mut name, next) = fitted_beside(refit, files, joint_fit, found)?;
-    name.chance = by_chance(name.hypothesis.z_score_together(), &chance);
-    let is_significant = is_significant(&name.hypothesis, &chance);
-    Ok((name, next, is_significant))
-}
-
 /// Names effects one after the other, while one is significant.
 ///
 /// # Errors
@@ -188,7 +144,7 @@ fn refitted<'a>(
 pub(crate) fn selected<'a>(
     refit: &Refit<'a>,
     alone: Vec<FitWithoutEffects>,
-    limits: Limits,
+    max_effects: usize,
 ) -> Result<Selection<'a>> {
     let none = EffectSet::new();
     let each = alone.into_iter();
@@ -204,45 +160,47 @@ pub(crate) fn selected<'a>(
     let mut out_of_question: Vec<Effect> = Vec::new();
     // Candidates rejected since the last name.
     let mut rejected: Vec<Hypothesis> = Vec::new();
-    while names.len() < limits.max_effects && out_of_question.len() < DECISION.rejections {
+    while names.len() < max_effects && out_of_question.len() < DECISION.rejections {
         begin(refit.progress, "comparing the effects of the library")?;
         let tried = names.len() + out_of_question.len();
         // Fitted constants may have absorbed most of a missing effect, so the first effect is sought around the
         // files. The flights' own constants are tried next, because slopes may differ far from the files.
         let joint_fits = &[&files, &joint_fit][names.len().min(1)..];
-        let found = sought(refit.progress, joint_fits, &out_of_question, limits.seed)?;
+        let found = sought(refit.progress, joint_fits, &out_of_question)?;
         reached(refit.progress, tried, 0.3);
         let Some(found) = found else {
             break;
         };
-        if !found.is_promising {
-            nearest.get_or_insert_with(|| unpromising(found.name));
+        if !is_promising(&found.hypothesis) {
+            nearest.get_or_insert_with(|| unpromising(found.hypothesis));
             break;
         }
-        let (mut name, next, is_significant) = refitted(refit, &files, &mut joint_fit, found)?;
+        let (mut name, next) = fitted_beside(refit, &files, &mut joint_fit, found)?;
         reached(refit.progress, tried, 1.0);
+        let bars = next
+            .as_ref()
+            .map(|next| error_bars(next, refit.progress))
+            .unwrap_or_default();
+        name.hypothesis = bars.judged(name.hypothesis);
+        let is_significant = next.is_some() && is_significant(&name.hypothesis);
         let is_nameable = is_nameable(&joint_fit, name.hypothesis.effect);
-        let is_told = is_significant || nearest.is_none();
-        let needed = next.as_ref().filter(|_| is_told);
-        let bars = needed.map(|next| error_bars(next, refit.progress));
-        if let (Some(next), Some(bars)) = (next, &bars)
+        if let Some(next) = next
             && is_significant
             && is_nameable
-            && differs_from_neutral(&bars.pooled, names.len())
         {
-            name.contest(&core::mem::take(&mut rejected));
+            name.others.append(&mut rejected);
             if plain.is_none() {
                 plain = joint_fit.without_wrench(refit.progress)?;
             }
             bare.get_or_insert(core::mem::replace(&mut joint_fit, next));
             names.push(name);
-            joint_fit = without_redundant(refit, joint_fit, bars.errors.clone(), &mut names)?;
+            joint_fit = without_redundant(refit, joint_fit, bars, &mut names)?;
             continue;
         }
         out_of_question.push(name.hypothesis.effect);
         rejected.push(name.hypothesis.clone());
         nearest.get_or_insert(Rejected {
-            errors: bars.map_or_else(|| name.hypothesis.standard_errors(&[]), |bars| bars.errors),
+            errors: bars.errors_beside(&name.hypothesis),
             is_alternative: names.is_empty(),
             name,
         });

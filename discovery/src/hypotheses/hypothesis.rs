@@ -2,11 +2,10 @@
 
 use crate::named_effect::{EffectSet, Rival};
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
-use bodyflight_falls::statistics::{quantile_of_sorted, z_score};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use crate::hypotheses::decision::DECISION;
-use crate::jacobian::effect_parameters::{freedom, parameters_of};
+use crate::jacobian::effect_parameters::{ParameterId, estimated, parameters_of};
 
 /// An effect fitted in addition to those named.
 #[derive(Debug, Clone)]
@@ -15,8 +14,10 @@ pub(crate) struct Hypothesis {
     pub effect: Effect,
     /// All effects, this one included.
     pub effects: EffectSet,
-    /// Covariance of all their parameters.
+    /// Covariance of all their parameters; of an effect that changes at random, of its strengths.
     pub covariance: DMatrix<f64>,
+    /// Factor by which neighbouring stretches that err alike widen variances. The log-likelihood says as much less.
+    pub tempering: f64,
     /// Gain of log-likelihood in the fitted flights.
     pub gain: f64,
     /// Gain in each held-out flight.
@@ -24,41 +25,91 @@ pub(crate) struct Hypothesis {
 }
 
 impl Hypothesis {
-    /// Gain in all flights, less the cost of the parameters.
-    pub(crate) fn total(&self) -> f64 {
-        self.gain + self.gains_held_out.iter().sum::<f64>()
-            - DECISION.gain_per_parameter * freedom(self.effect)
+    /// Logarithm of the odds that this effect acts rather than none, given the fitted flights: the Bayes factor in
+    /// Laplace's approximation, with the ranges of the parameters as priors and one prior probability for all effects
+    /// of the library together. It chooses among effects.
+    pub(crate) fn score(&self) -> f64 {
+        self.gain + self.cost_of_ranges(1.0)
     }
 
-    /// Gain to expect in all flights once everything is refitted, which limits the loss of a held-out flight.
-    pub(crate) fn penalized_gain(&self) -> f64 {
-        let held_out = self.gains_held_out.iter();
-        let held_out: f64 = held_out
-            .map(|gain| gain.max(-DECISION.held_out_loss * self.gain))
-            .sum();
-        self.gain + held_out - DECISION.gain_per_parameter * freedom(self.effect)
+    /// The same given all flights, tempered. It decides whether the effect is named.
+    ///
+    /// A held-out flight adds its gain with parameters that were not fitted to it, which is its factor in the probability
+    /// of all flights. What the errors of refits give away is subtracted.
+    pub(crate) fn log_odds(&self) -> f64 {
+        let gain = self.gain + self.gains_held_out.iter().sum::<f64>();
+        gain / self.tempering + self.cost_of_ranges(self.tempering) - DECISION.refit_allowance()
     }
 
-    /// Significance of its gain, in standard deviations.
-    pub(crate) fn z_score(&self) -> f64 {
-        z_score(2.0 * self.gain.max(0.0), freedom(self.effect))
+    /// Probability that the effect does not act: the local false discovery rate.
+    pub(crate) fn false_discovery_rate(&self) -> f64 {
+        1.0 / (1.0 + self.log_odds().exp())
     }
 
-    /// Significance of the gain in all flights together. Held-out flights did not take part in the fit and so lose by
-    /// chance; a gain far beyond that of the fitted flights is not counted.
-    pub(crate) fn z_score_together(&self) -> f64 {
-        let held_out = self.gains_held_out.iter();
-        let most = DECISION.confirming_ratio * self.gain;
-        let gain = self.gain + held_out.map(|gain| gain.min(most)).sum::<f64>();
-        z_score(2.0 * gain.max(0.0), freedom(self.effect))
+    /// What the library and the ranges of the parameters cost, as a negative gain: the wider a range, the less likely was
+    /// any value in it.
+    fn cost_of_ranges(&self, tempering: f64) -> f64 {
+        let parameters = estimated(self.effect).iter().zip(self.values());
+        let each = parameters.enumerate().map(|(index, (parameter, value))| {
+            let effect = self.effect;
+            let deviation = ParameterId { effect, index }.prior_deviation();
+            let away = (value - parameter.neutral) / deviation;
+            deviation.ln() + 0.5 * away * away
+        });
+        let determinant = (self.own_covariance() * tempering).determinant();
+        0.5 * determinant.max(f64::MIN_POSITIVE).ln()
+            - each.sum::<f64>()
+            - (Effect::ALL.len() as f64).ln()
+    }
+
+    /// Covariance of the parameters of this effect.
+    fn own_covariance(&self) -> DMatrix<f64> {
+        if self.effect.is_random() {
+            return self.covariance.clone();
+        }
+        let parameters = parameters_of(self.effects.iter().map(|(effect, _)| *effect));
+        let own = parameters.iter().enumerate();
+        let own: Vec<usize> = own
+            .filter(|(_, id)| id.effect == self.effect)
+            .map(|(k, _)| k)
+            .collect();
+        self.covariance.select_rows(&own).select_columns(&own)
+    }
+
+    /// Another of the effects beside the rest: its gain is that over its neutral values, to second order.
+    pub(crate) fn of_effect(&self, effect: Effect) -> Self {
+        let mut own = Self {
+            effect,
+            gains_held_out: Vec::new(),
+            ..self.clone()
+        };
+        let away: Vec<f64> = estimated(effect)
+            .iter()
+            .zip(own.values())
+            .map(|(parameter, value)| value - parameter.neutral)
+            .collect();
+        let away = DVector::from_vec(away);
+        let solved = own.own_covariance().cholesky();
+        own.gain = solved.map_or(0.0, |factor| 0.5 * away.dot(&factor.solve(&away)));
+        own
+    }
+
+    /// Difference of log-likelihood that says nothing.
+    fn refit_noise(&self) -> f64 {
+        DECISION
+            .refit_noise
+            .max(DECISION.refit_noise_share * self.gain)
     }
 
     /// Whether it is better than `best` after everything was refitted. Of two that are equally good, the first in the
     /// library is named.
     pub(crate) fn replaces(&self, best: &Self) -> bool {
-        let is_equal = within(DECISION.equal_gain, best.total(), self.total());
-        let is_second = is_equal && best.effect < self.effect;
-        self.total() > best.total() + DECISION.replacing_gain && !is_second
+        let least = if best.effect < self.effect {
+            best.refit_noise()
+        } else {
+            0.0
+        };
+        self.score() > best.score() + least
     }
 
     /// Parameters of this effect.
@@ -109,54 +160,41 @@ impl Hypothesis {
                 parameter.share_of_range(value) > DECISION.material_share_of_range
             })
     }
-
-    /// Whether the fitted flights alone cannot distinguish it from `best`.
-    pub(crate) fn gains_as_much_as(&self, best: &Self) -> bool {
-        within(DECISION.equal_gain, self.gain, best.gain)
-    }
-
-    /// Whether it is indistinguishable from `best`.
-    pub(crate) fn is_rival_of(&self, best: &Self) -> bool {
-        within(DECISION.rival_gain, self.total(), best.total())
-    }
-
-    /// As a rival of `best`, which gains about as much.
-    pub(crate) fn as_rival_of(&self, best: &Self) -> Rival {
-        Rival {
-            name: self.effect.description().name,
-            share: self.total() / best.total(),
-        }
-    }
-}
-
-/// Whether a gain is less than the best one by at most `margin`, or by the share within which effects are equally good.
-fn within(margin: f64, gain: f64, best: f64) -> bool {
-    gain > best - margin.max(DECISION.equal_share * best)
 }
 
 /// A named effect.
 pub(crate) struct NamedEffect {
     pub(crate) hypothesis: Hypothesis,
-    /// Share of random draws in which some effect gains as much.
-    pub(crate) chance: f64,
-    pub(crate) rivals: Vec<Rival>,
+    /// Other effects that were refitted and not named.
+    pub(crate) others: Vec<Hypothesis>,
 }
 
 impl NamedEffect {
-    /// Adds those of the rejected candidates as rivals that gain as much in the fitted flights: held-out flights alone
-    /// speak against them.
-    pub(crate) fn contest(&mut self, rejected: &[Hypothesis]) {
-        let as_good = |other: &&Hypothesis| other.gains_as_much_as(&self.hypothesis);
-        let rivals = rejected.iter().filter(as_good);
-        let rivals = rivals.map(|other| other.as_rival_of(&self.hypothesis));
-        self.rivals.extend(rivals);
+    /// The effects that may act instead, each with its probability, given that this or one of the others acts.
+    ///
+    /// Scores count only as far as they differ by more than fits of the same flights do.
+    pub(crate) fn rivals(&self) -> Vec<Rival> {
+        let best = &self.hypothesis;
+        let odds = |other: &Hypothesis| ((other.score() - best.score()) / best.refit_noise()).exp();
+        let others = self
+            .others
+            .iter()
+            .filter(|other| other.effect != best.effect);
+        let mut each: Vec<(Effect, f64)> =
+            others.map(|other| (other.effect, odds(other))).collect();
+        // An effect may have been refitted twice.
+        each.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
+        each.dedup_by_key(|(effect, _)| *effect);
+        each.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let all = 1.0 + each.iter().map(|(_, odds)| odds).sum::<f64>();
+        let rivals = each.into_iter().map(|(effect, odds)| Rival {
+            name: effect.description().name,
+            share: odds / all,
+        });
+        rivals
+            .filter(|rival| rival.share > DECISION.false_discovery_rate)
+            .collect()
     }
-}
-
-/// Probability that some effect of the library is as significant by chance, given sorted random draws.
-pub(crate) fn by_chance(z_score: f64, draws: &[f64]) -> f64 {
-    let above = draws.len() - draws.partition_point(|draw| *draw < z_score);
-    (above + 1) as f64 / (draws.len() + 1) as f64
 }
 
 /// A candidate that was not named.
@@ -164,69 +202,119 @@ pub(crate) struct Rejected {
     pub(crate) name: NamedEffect,
     /// Standard errors of the effects fitted with it.
     pub(crate) errors: EffectSet,
-    /// Whether it was significant before subject, coefficients and joints were adjusted, so that it may be the cause of
+    /// Whether it was promising before subject, coefficients and joints were adjusted, so that it may be the cause of
     /// these adjustments.
     pub(crate) is_alternative: bool,
 }
 
 /// The best candidate, and the candidates from which it was chosen.
 pub(crate) struct BestHypothesis {
-    pub(crate) name: NamedEffect,
+    pub(crate) hypothesis: Hypothesis,
     /// Best first.
     pub(crate) hypotheses: Vec<Hypothesis>,
-    pub(crate) chance: Vec<f64>,
     /// Whether it was found around the files rather than around the flights' own constants.
     pub(crate) around_files: bool,
-    pub(crate) is_promising: bool,
 }
 
-/// Whether a candidate gains enough to be named.
-pub(crate) fn is_significant(hypothesis: &Hypothesis, chance: &[f64]) -> bool {
-    let votes = hypothesis
-        .gains_held_out
-        .iter()
-        .all(|gain| *gain > DECISION.held_out_gain);
-    let beyond_chance = quantile_of_sorted(chance, DECISION.null_quantile);
-    let least = if hypothesis.gains_held_out.is_empty() {
-        DECISION.least_z_without_held_out
-    } else {
-        DECISION.least_z.max(beyond_chance + DECISION.z_beyond_null)
-    };
-    let gains =
-        votes && hypothesis.z_score_together() > least && hypothesis.total() > DECISION.total_gain;
-    gains && hypothesis.matters()
+/// Whether a candidate is certain enough to be named, and strong enough to matter.
+pub(crate) fn is_significant(hypothesis: &Hypothesis) -> bool {
+    hypothesis.false_discovery_rate() < DECISION.false_discovery_rate && hypothesis.matters()
 }
 
-/// Effects with the standard errors of their parameters.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Estimates {
-    pub(crate) effects: EffectSet,
-    pub(crate) errors: EffectSet,
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Whether the parameters of the last effect differ from neutral by more than their standard errors allow, which are
-/// wider than the gain suggests if stretches or flights disagree. What the first effect leaves may look like another, so
-/// further effects must be clear.
-pub(crate) fn differs_from_neutral(all_flights: &Estimates, named: usize) -> bool {
-    let Estimates { effects, errors } = all_flights;
-    let (Some(effect), Some(errors)) = (effects.last(), errors.last()) else {
-        return false;
-    };
-    differs(effect, errors, (named > 0).then_some(DECISION.least_z))
-}
+    /// An updraft with a normal estimate, fitted together with its prior.
+    fn updraft(estimate: f64, error: f64) -> Hypothesis {
+        let effect = Effect::Updraft;
+        let prior = ParameterId { effect, index: 0 }.prior_deviation();
+        let variance = 1.0 / (error.powi(-2) + prior.powi(-2));
+        let value = variance * estimate / error.powi(2);
+        let left = |value: f64| 0.5 * ((estimate - value) / error).powi(2);
+        Hypothesis {
+            effect,
+            effects: vec![(effect, [value, 0.0, 0.0])],
+            covariance: DMatrix::from_element(1, 1, variance),
+            tempering: 1.0,
+            gain: left(0.0) - left(value),
+            gains_held_out: Vec::new(),
+        }
+    }
 
-/// Whether a parameter of an effect differs from neutral by more than so many standard errors; by default, whether the
-/// intervals of all its parameters exclude their neutral values.
-pub(crate) fn differs(
-    (effect, values): &(Effect, [f64; PARAMETER_COUNT]),
-    (_, errors): &(Effect, [f64; PARAMETER_COUNT]),
-    least: Option<f64>,
-) -> bool {
-    let parameters = effect.description().parameters;
-    let interval = DECISION.intervals[parameters.len().clamp(1, DECISION.intervals.len()) - 1];
-    let least = least.unwrap_or(interval);
-    parameters
-        .iter()
-        .zip(values.iter().zip(errors))
-        .any(|(parameter, (value, error))| (value - parameter.neutral).abs() > least * error)
+    /// In a linear problem with normal errors, Laplace's approximation is exact: the probability of the estimate with a
+    /// strength drawn from the range, over that without any.
+    #[test]
+    fn the_score_is_the_ratio_of_two_normal_densities() {
+        let effect = Effect::Updraft;
+        let prior = ParameterId { effect, index: 0 }.prior_deviation();
+        for (estimate, error) in [(0.0, 0.1), (1.0, 0.3), (2.0, 4.0)] {
+            let density =
+                |deviation: f64| -deviation.ln() - 0.5 * f64::powi(estimate / deviation, 2);
+            let factor = density(prior.hypot(error)) - density(error);
+            let expected = factor - (Effect::ALL.len() as f64).ln();
+            let found = updraft(estimate, error).score();
+            assert!(
+                (found - expected).abs() < 1e-9,
+                "{found}, expected {expected}"
+            );
+        }
+    }
+
+    #[test]
+    fn held_out_flights_and_neighbours_that_err_alike_change_the_odds() {
+        let sure = updraft(4.0, 0.5);
+        assert!(is_significant(&sure), "{}", sure.log_odds());
+        let refuted = Hypothesis {
+            gains_held_out: vec![-20.0],
+            ..sure.clone()
+        };
+        let tempered = Hypothesis {
+            tempering: 2.0,
+            ..sure.clone()
+        };
+        for other in [refuted, tempered] {
+            assert!(!is_significant(&other), "{}", other.log_odds());
+            // They only judge what was chosen without them.
+            assert!((other.score() - sure.score()).abs() < 1e-12);
+        }
+    }
+
+    /// Beside nothing else, the gain over neutral values is the one that the fit found.
+    #[test]
+    fn an_effect_among_others_gains_what_it_would_alone() {
+        let alone = updraft(4.0, 0.01);
+        let mut both = alone.clone();
+        both.effects
+            .push((Effect::Booties, Effect::Booties.neutral()));
+        both.effect = Effect::Booties;
+        both.covariance =
+            DMatrix::from_diagonal(&DVector::from_vec(vec![alone.covariance[(0, 0)], 1.0]));
+        let own = both.of_effect(Effect::Updraft);
+        assert!((own.score() / alone.score() - 1.0).abs() < 1e-3);
+        assert!(!is_significant(&both.of_effect(Effect::Booties)));
+    }
+
+    #[test]
+    fn rivals_have_the_probability_that_their_scores_give_them() {
+        let hypothesis = updraft(4.0, 0.5);
+        let other = |effect: Effect, less: f64| Hypothesis {
+            effect,
+            effects: vec![(effect, hypothesis.effects[0].1)],
+            gain: hypothesis.gain - less,
+            ..hypothesis.clone()
+        };
+        let mut close = other(Effect::Booties, 0.0);
+        close.gain += hypothesis.score() - close.score();
+        let far = other(Effect::Arch, 100.0);
+        let name = NamedEffect {
+            others: vec![far, close],
+            hypothesis,
+        };
+        let [rival] = &name.rivals()[..] else {
+            panic!("one rival");
+        };
+        assert_eq!(rival.name, "booties");
+        assert!((rival.share - 0.5).abs() < 1e-6, "{}", rival.share);
+    }
 }

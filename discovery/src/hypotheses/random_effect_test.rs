@@ -2,16 +2,19 @@
 
 use crate::named_effect::EffectSet;
 use bodyflight_core::effect::{Effect, PARAMETER_COUNT};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use crate::error::Result;
 use crate::hypotheses::decision::DECISION;
 use crate::hypotheses::hypothesis::{Hypothesis, NamedEffect, is_significant};
 use crate::hypotheses::refit::Refit;
 use crate::hypotheses::score_test::JointFit;
+use crate::jacobian::effect_parameters::estimated;
 use crate::likelihood::flight_problem::FlightProblem;
 use crate::likelihood::linear_fit::LinearFit;
-use crate::likelihood::random_effect_fit::{TRIED, likelihood_of_loads, scores, strengths};
+use crate::likelihood::random_effect_fit::{
+    TRIED, likelihood_of_loads, scores, standard_errors, strengths,
+};
 use crate::progress::{Progress, begin, check};
 
 /// Number of alternating fits of the strengths and of everything else.
@@ -50,8 +53,8 @@ pub(crate) fn strongest<'a>(
         let Some(fit) = beside_strength(refit, &without, effect)? else {
             continue;
         };
-        let total = fit.0.total();
-        if best.as_ref().is_none_or(|(best, _)| total > best.total()) {
+        let score = fit.0.score();
+        if best.as_ref().is_none_or(|(best, _)| score > best.score()) {
             best = Some(fit);
         }
     }
@@ -60,16 +63,13 @@ pub(crate) fn strongest<'a>(
     };
     refit.retry_without(&mut without, &with)?;
     let hypothesis = without.compared(&with, &hypothesis);
-    let is_significant = is_significant(&hypothesis, &[]);
+    let is_significant = is_significant(&hypothesis);
     let stands_out =
         is_significant && stands_out(&without, &with, description_gain, refit.progress)?;
-    // Chernoff's bound for a normal variable, times the number of effects tried.
-    let chance = TRIED.len() as f64 * (-0.5 * hypothesis.z_score_together().powi(2)).exp();
     Ok(Some(RandomEffect {
         name: NamedEffect {
             hypothesis,
-            chance: chance.min(1.0),
-            rivals: Vec::new(),
+            others: Vec::new(),
         },
         without,
         with,
@@ -99,14 +99,13 @@ fn stands_out(
         };
         let loads = here.max(there);
         let own = quiet.likelihood - plain.errors.likelihood;
-        if own < DECISION.held_out_gain || (k == 0 && own < description_gain + DECISION.total_gain)
-        {
+        if own < 0.0 || (k == 0 && own < description_gain + DECISION.refit_allowance()) {
             return Ok(false);
         }
         gain += own;
         gain_over_loads += quiet.likelihood - loads;
     }
-    Ok(gain > DECISION.total_gain && gain_over_loads > DECISION.total_gain)
+    Ok(gain > DECISION.refit_allowance() && gain_over_loads > DECISION.refit_allowance())
 }
 
 /// Effects that are worth fitting, best first.
@@ -180,10 +179,18 @@ fn beside_strength<'a>(
     let Some(next) = refit.with_held_out(all, joint_fit, effects.clone())? else {
         return Ok(None);
     };
+    let values = next.effects.last().map_or(tried, |(_, values)| *values);
+    let Some(errors) = standard_errors(&next.flights(), effect, &values) else {
+        return Ok(None);
+    };
+    let variances = estimated(effect).iter().zip(errors);
+    let variances: Vec<f64> = variances.map(|(_, error)| error * error).collect();
     let hypothesis = Hypothesis {
         effect,
         effects,
-        covariance: DMatrix::zeros(0, 0),
+        covariance: DMatrix::from_diagonal(&DVector::from_vec(variances)),
+        // Standard errors of strengths already say that neighbouring stretches see the same path.
+        tempering: 1.0,
         gain: 0.0,
         gains_held_out: Vec::new(),
     };

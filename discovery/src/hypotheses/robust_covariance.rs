@@ -7,9 +7,9 @@ use crate::named_effect::EffectSet;
 use bodyflight_core::effect::PARAMETER_COUNT;
 use nalgebra::{DMatrix, DVector};
 
-use crate::hypotheses::hypothesis::{Estimates, Hypothesis};
+use crate::hypotheses::hypothesis::{Hypothesis, is_significant};
 use crate::hypotheses::score_test::JointFit;
-use crate::jacobian::effect_parameters::{ParameterId, moved, parameters_of};
+use crate::jacobian::effect_parameters::{ParameterId, parameters_of};
 use crate::likelihood::flight_problem::FlightProblem;
 use crate::likelihood::linear_fit::LinearFit;
 use crate::likelihood::random_effect_fit::standard_errors;
@@ -18,13 +18,52 @@ use crate::progress::Progress;
 /// Number of neighbouring stretches whose influence may be correlated (Newey and West 1987).
 const ALIKE: usize = 3;
 
-/// What the fitted flights say about a set of effects, and what all flights say together.
+/// What the fitted flights say about a set of effects.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ErrorBars {
-    /// Standard errors in the fitted flights, wider if the held-out flights disagree.
+    /// Standard errors, wider if the held-out flights disagree.
     pub(crate) errors: EffectSet,
-    /// The mean over fitted and held-out flights, each weighted by its information.
-    pub(crate) pooled: Estimates,
+    /// The last of the effects, with the covariance around the fit.
+    last: Option<Hypothesis>,
+    /// Factor by which the variance of each parameter exceeds that for independent stretches.
+    lasting: Vec<f64>,
+}
+
+impl ErrorBars {
+    /// An effect with the covariance around the fit, tempered. Its gains stay those of the refitted flights.
+    pub(crate) fn judged(&self, hypothesis: Hypothesis) -> Hypothesis {
+        let Some(last) = &self.last else {
+            return hypothesis;
+        };
+        let parameters = parameters_of(last.effects.iter().map(|(effect, _)| *effect));
+        let own = parameters.iter().zip(&self.lasting);
+        let own = own.filter(|(id, _)| id.effect == hypothesis.effect);
+        let own: Vec<f64> = own.map(|(_, lasting)| *lasting).collect();
+        Hypothesis {
+            covariance: last.covariance.clone(),
+            tempering: own.iter().sum::<f64>().max(1.0) / own.len().max(1) as f64,
+            ..hypothesis
+        }
+    }
+
+    /// Standard errors of the effects, or those of the first-order estimate if there are no better ones.
+    pub(crate) fn errors_beside(self, hypothesis: &Hypothesis) -> EffectSet {
+        if self.errors.is_empty() {
+            hypothesis.standard_errors(&[])
+        } else {
+            self.errors
+        }
+    }
+
+    /// The first of the effects, apart from the last, that is not certain beside the others.
+    pub(crate) fn redundant(&self) -> Option<Hypothesis> {
+        let last = self.last.as_ref()?;
+        let (_, earlier) = last.effects.split_last()?;
+        let mut each = earlier
+            .iter()
+            .map(|(effect, _)| self.judged(last.of_effect(*effect)));
+        each.find(|one| !is_significant(one))
+    }
 }
 
 /// Error bars of the named effects.
@@ -35,39 +74,40 @@ pub(crate) fn error_bars(joint_fit: &JointFit<'_>, progress: &dyn Progress) -> E
     let Some(found) = joint_fit.followed(&joint_fit.effects, *last, progress) else {
         return ErrorBars::default();
     };
-    let mut bars = error_bars_of(joint_fit, &found, progress);
-    for ((effect, errors), (_, values)) in bars.errors.iter_mut().zip(&joint_fit.effects) {
+    let lasting = lasting(joint_fit, &found, progress);
+    let mut errors = found.standard_errors(&wider(joint_fit, &found, &lasting, progress));
+    for ((effect, errors), (_, values)) in errors.iter_mut().zip(&joint_fit.effects) {
         if effect.is_random() {
             let flights = joint_fit.flights();
             *errors = standard_errors(&flights, *effect, values).unwrap_or([0.0; PARAMETER_COUNT]);
         }
     }
-    bars
+    ErrorBars {
+        errors,
+        last: Some(found),
+        lasting,
+    }
 }
 
-/// The error bars of a candidate's effects.
-fn error_bars_of(
+/// Factor on the standard error of each parameter: neighbouring stretches that err alike, and held-out flights that prefer
+/// another value (Birge ratio).
+fn wider(
     joint_fit: &JointFit<'_>,
     hypothesis: &Hypothesis,
+    lasting: &[f64],
     progress: &dyn Progress,
-) -> ErrorBars {
-    let lasting = lasting(joint_fit, hypothesis, progress);
+) -> Vec<f64> {
     let apart = apart(joint_fit, hypothesis, progress);
     let both = lasting.iter().enumerate();
-    let wider: Vec<f64> = both
-        .map(|(k, lasting)| {
-            let own = hypothesis.covariance[(k, k)];
-            let birge = apart
-                .iter()
-                .map(|there| there.step[k].powi(2) / ((own + there.covariance[(k, k)]) * lasting));
-            let birge = birge.sum::<f64>() / apart.len().max(1) as f64;
-            lasting.sqrt() * birge.sqrt().max(1.0)
-        })
-        .collect();
-    ErrorBars {
-        errors: hypothesis.standard_errors(&wider),
-        pooled: pooled(hypothesis, &lasting, &apart),
-    }
+    both.map(|(k, lasting)| {
+        let own = hypothesis.covariance[(k, k)];
+        let birge = apart
+            .iter()
+            .map(|there| there.step[k].powi(2) / ((own + there.covariance[(k, k)]) * lasting));
+        let birge = birge.sum::<f64>() / apart.len().max(1) as f64;
+        lasting.sqrt() * birge.sqrt().max(1.0)
+    })
+    .collect()
 }
 
 /// Factor by which the variance of each parameter exceeds that for independent stretches; at least one.
@@ -125,37 +165,6 @@ struct Step {
     covariance: DMatrix<f64>,
 }
 
-/// The mean of the estimates from all flights, with a standard error that is wider if they disagree (Birge ratio).
-/// `lasting` are factors on all variances.
-fn pooled(hypothesis: &Hypothesis, lasting: &[f64], apart: &[Step]) -> Estimates {
-    let parameters = lasting.len();
-    let (mut steps, mut wider) = (DVector::zeros(parameters), vec![1.0; parameters]);
-    for k in 0..parameters {
-        let own = hypothesis.covariance[(k, k)];
-        let others = apart
-            .iter()
-            .map(|there| (there.step[k], there.covariance[(k, k)]));
-        let all: Vec<(f64, f64)> = core::iter::once((0.0, own)).chain(others).collect();
-        let information: f64 = all.iter().map(|(_, variance)| 1.0 / variance).sum();
-        let mean = all
-            .iter()
-            .map(|(step, variance)| step / variance)
-            .sum::<f64>()
-            / information;
-        let squares = all
-            .iter()
-            .map(|(step, variance)| (step - mean).powi(2) / variance);
-        let freedom = (all.len() - 1).max(1) as f64;
-        let birge = squares.sum::<f64>() / (freedom * lasting[k]);
-        steps[k] = mean;
-        wider[k] = (lasting[k] * birge.max(1.0) / (information * own)).sqrt();
-    }
-    Estimates {
-        effects: moved(&hypothesis.effects, &steps),
-        errors: hypothesis.standard_errors(&wider),
-    }
-}
-
 /// Slope of the log-likelihood in some parameters for each stretch, with the constants marginalized out.
 fn pulls(
     problem: &FlightProblem<'_>,
@@ -169,37 +178,4 @@ fn pulls(
     let last = parameters.len();
     let pull = |left: &DMatrix<f64>| left.columns(0, last).tr_mul(&left.column(last));
     Some(left.iter().map(pull).collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use bodyflight_core::effect::Effect;
-
-    /// The mean and its standard error if a held-out flight prefers an updraft that is `step` higher than 2 +- 1 m/s.
-    fn with_a_flight_that_is(step: f64) -> (f64, f64) {
-        let hypothesis = Hypothesis {
-            effect: Effect::Updraft,
-            effects: vec![(Effect::Updraft, [2.0, 0.0, 0.0])],
-            covariance: DMatrix::from_element(1, 1, 1.0),
-            gain: 2.0,
-            gains_held_out: vec![2.0],
-        };
-        let apart = Step {
-            step: DVector::from_element(1, step),
-            covariance: DMatrix::from_element(1, 1, 1.0),
-        };
-        let pooled = pooled(&hypothesis, &[1.0], &[apart]);
-        (pooled.effects[0].1[0], pooled.errors[0].1[0])
-    }
-
-    #[test]
-    fn flights_that_disagree_have_a_wider_mean() {
-        let (mean, error) = with_a_flight_that_is(0.0);
-        assert!((mean - 2.0).abs() < 1e-12 && (error - 0.5_f64.sqrt()).abs() < 1e-12);
-        let (mean, error) = with_a_flight_that_is(4.0);
-        assert!((mean - 4.0).abs() < 1e-12 && (error - 2.0).abs() < 1e-12);
-        let (mean, error) = with_a_flight_that_is(-4.0);
-        assert!(mean.abs() < 1e-12 && (error - 2.0).abs() < 1e-12);
-    }
 }

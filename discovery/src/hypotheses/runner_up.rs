@@ -19,20 +19,20 @@ struct RefittedRunnerUp<'a> {
 
 /// Candidates that seem good enough to be compared with `one`.
 fn challenging(hypotheses: &[Hypothesis], one: &Hypothesis) -> Vec<Hypothesis> {
-    let best = one.penalized_gain();
+    let best = one.score();
     let least = f64::min(
         DECISION.runner_up_share * best,
         best - DECISION.runner_up_gain,
     )
     .max(0.0);
-    let others = hypotheses.iter().filter(|other| {
-        other.effect != one.effect && other.matters() && other.penalized_gain() > least
-    });
+    let others = hypotheses
+        .iter()
+        .filter(|other| other.effect != one.effect && other.matters() && other.score() > least);
     others.take(DECISION.runner_ups).cloned().collect()
 }
 
 /// Returns the candidate that was found, or a close competitor that proves better once everything is refitted with
-/// it, together with the flights fitted with it if that succeeds. Competitors that gain as much become its rivals.
+/// it, together with the flights fitted with it if that succeeds.
 ///
 /// # Errors
 /// Returns an error if the search was cancelled.
@@ -43,12 +43,14 @@ pub(crate) fn fitted_beside<'a>(
     found: BestHypothesis,
 ) -> Result<(NamedEffect, Option<JointFit<'a>>)> {
     let BestHypothesis {
-        mut name,
+        hypothesis,
         hypotheses,
-        chance,
         around_files,
-        ..
     } = found;
+    let mut name = NamedEffect {
+        hypothesis,
+        others: Vec::new(),
+    };
     let what = name.hypothesis.effect.description().name;
     begin(refit.progress, &format!("errors beside {what}"))?;
     let from = if around_files { files } else { &*joint_fit };
@@ -57,14 +59,14 @@ pub(crate) fn fitted_beside<'a>(
     };
     let mut others = challenging(&hypotheses, &name.hypothesis);
     name.hypothesis = joint_fit.compared(&next, &name.hypothesis);
-    if !is_significant(&name.hypothesis, &chance) {
+    if !is_significant(&name.hypothesis) {
         return Ok((name, Some(next)));
     }
     let first = name.hypothesis.effect;
-    if refit.retry_without(joint_fit, &next)? > DECISION.rethought_gain {
+    if refit.retry_without(joint_fit, &next)? > DECISION.refit_allowance() {
         // The choice was made with poorly fitted flights, so look for competitors again.
         let mut fresh = joint_fit.hypotheses(&[first], refit.progress)?;
-        fresh.retain(|other| other.matters() && other.penalized_gain() > 0.0);
+        fresh.retain(|other| other.matters() && other.score() > 0.0);
         fresh.retain(|other| others.iter().all(|known| known.effect != other.effect));
         fresh.truncate(DECISION.runner_ups);
         others.truncate(DECISION.runner_ups / 2);
@@ -79,8 +81,7 @@ pub(crate) fn fitted_beside<'a>(
     Ok((name, Some(next)))
 }
 
-/// Refits the competitors of the candidate that was found. A better one replaces it, equally good ones become its
-/// rivals.
+/// Refits the competitors of the candidate that was found. A better one replaces it.
 fn challenge<'a>(
     refit: &Refit<'a>,
     joint_fit: &JointFit<'a>,
@@ -88,13 +89,12 @@ fn challenge<'a>(
     name: &mut NamedEffect,
     mut others: Vec<Hypothesis>,
 ) -> Result<()> {
-    let mut beaten: Vec<Hypothesis> = Vec::new();
     loop {
         let mut tried = challengers(refit, joint_fit, next, &others)?;
         // The best was fitted with slopes of its own, so one that is close without them gets the same chance.
-        let total = name.hypothesis.total();
+        let score = name.hypothesis.score();
         let is_close = |other: &RefittedRunnerUp<'_>| {
-            other.hypothesis.total() > total * (1.0 - DECISION.runner_up_deficit)
+            other.hypothesis.score() > score * (1.0 - DECISION.runner_up_deficit)
         };
         if tried.first().is_some_and(is_close) {
             let best = tried.swap_remove(0);
@@ -103,20 +103,16 @@ fn challenge<'a>(
             if let Some(with) = finished(refit, best)? {
                 let best = joint_fit.compared(&with, &before);
                 if best.replaces(&name.hypothesis) {
-                    beaten.push(core::mem::replace(&mut name.hypothesis, best));
+                    name.others
+                        .push(core::mem::replace(&mut name.hypothesis, best));
                     *next = with;
                     continue;
                 }
-                beaten.push(best);
+                name.others.push(best);
             }
         }
-        let best = &name.hypothesis;
-        let rivals = tried
-            .iter()
-            .map(|other| &other.hypothesis)
-            .chain(&beaten)
-            .filter(|other| other.effect != best.effect && other.is_rival_of(best));
-        name.rivals = rivals.map(|other| other.as_rival_of(best)).collect();
+        name.others
+            .extend(tried.into_iter().map(|other| other.hypothesis));
         return Ok(());
     }
 }
@@ -145,7 +141,7 @@ fn challengers<'a>(
             tried.push(other);
         }
     }
-    tried.sort_by(|a, b| b.hypothesis.total().total_cmp(&a.hypothesis.total()));
+    tried.sort_by(|a, b| b.hypothesis.score().total_cmp(&a.hypothesis.score()));
     Ok(tried)
 }
 

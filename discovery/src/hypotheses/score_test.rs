@@ -4,11 +4,7 @@
 use crate::named_effect::EffectSet;
 use bodyflight_core::effect::Effect;
 use bodyflight_core::tolerances::Tolerances;
-use bodyflight_falls::statistics::z_score;
 use nalgebra::{DMatrix, DVector};
-use rand::rngs::ChaCha8Rng;
-use rand::{RngExt, SeedableRng};
-use rand_distr::StandardNormal;
 
 use crate::error::Result;
 use crate::hypotheses::decision::DECISION;
@@ -24,9 +20,6 @@ use crate::likelihood::schur::InformationForm;
 use crate::likelihood::variance_components::FittedErrors;
 use crate::progress::{Progress, check};
 use crate::shooting::stretch::WINDOW;
-
-/// Number of draws from the null distribution.
-const DRAWS: usize = 999;
 
 /// Flights with their errors fitted, given the effects named so far.
 pub(crate) struct JointFit<'a> {
@@ -141,13 +134,12 @@ impl<'a> JointFit<'a> {
             .filter(|effect| !self.effects.iter().any(|(named, _)| named == *effect))
             .filter_map(|effect| self.sketched(*effect, &here, &there))
             .collect();
-        hypotheses.sort_by(|a, b| b.penalized_gain().total_cmp(&a.penalized_gain()));
+        hypotheses.sort_by(|a, b| b.score().total_cmp(&a.score()));
         let mut followed = Vec::new();
         for hypothesis in hypotheses.into_iter().take(DECISION.refined) {
             check(progress)?;
-            if hypothesis.gain
-                < DECISION.refined_share * DECISION.gain_per_parameter * freedom(hypothesis.effect)
-            {
+            // By chance, it gains half as much.
+            if hypothesis.gain < freedom(hypothesis.effect) {
                 followed.push(hypothesis);
                 continue;
             }
@@ -157,7 +149,7 @@ impl<'a> JointFit<'a> {
             );
         }
         check(progress)?;
-        followed.sort_by(|a, b| b.penalized_gain().total_cmp(&a.penalized_gain()));
+        followed.sort_by(|a, b| b.score().total_cmp(&a.score()));
         Ok(followed)
     }
 
@@ -208,6 +200,7 @@ impl<'a> JointFit<'a> {
             gains_held_out: held_out.collect::<Option<Vec<_>>>()?,
             effects,
             covariance,
+            tempering: 1.0,
         })
     }
 
@@ -282,66 +275,7 @@ impl<'a> JointFit<'a> {
             gains_held_out: held_out.collect::<Option<Vec<_>>>()?,
             effects,
             covariance,
+            tempering: 1.0,
         })
-    }
-
-    /// The null distribution: the significance of the best effect in random draws of the fitted errors, in ascending
-    /// order.
-    pub(crate) fn null_distribution(&self, seed: u64) -> Vec<f64> {
-        let here: Vec<DMatrix<f64>> = self.fitted.iter().map(|(_, f)| f.all_effects()).collect();
-        let all = all_parameters();
-        let columns: Vec<usize> = (0..all.len()).collect();
-        let Some(problem) = InformationForm::joint(&here, &columns, &self.precision(&self.effects))
-        else {
-            return Vec::new();
-        };
-        // The covariance of slopes caused by errors alone is the information matrix.
-        let mut information = problem.information.clone();
-        for k in 0..all.len() {
-            information[(k, k)] *= 1.0 + 1e-9;
-            information[(k, k)] += 1e-12;
-        }
-        let Some(factor) = information.cholesky() else {
-            return Vec::new();
-        };
-        let lower = factor.l();
-        let solvers: Vec<_> = Effect::ALL
-            .iter()
-            .filter(|effect| !effect.is_random())
-            .filter_map(|effect| {
-                let own: Vec<usize> = (0..all.len())
-                    .filter(|k| all[*k].effect == *effect)
-                    .collect();
-                let mut block = DMatrix::from_fn(own.len(), own.len(), |j, k| {
-                    problem.information[(own[j], own[k])]
-                });
-                for (j, k) in own.iter().enumerate() {
-                    block[(j, j)] += all[*k].prior_deviation().powi(-2);
-                }
-                Some((freedom(*effect), own, block.cholesky()?))
-            })
-            .collect();
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let mut best: Vec<f64> = (0..DRAWS)
-            .map(|_| {
-                let noise =
-                    DVector::from_fn(all.len(), |_, _| random.sample::<f64, _>(StandardNormal));
-                let slope = &lower * noise;
-                let of_effect = |(freedom, own, factor): &(
-                    f64,
-                    Vec<usize>,
-                    nalgebra::Cholesky<f64, nalgebra::Dyn>,
-                )| {
-                    let slope = DVector::from_fn(own.len(), |k, _| slope[own[k]]);
-                    z_score(slope.dot(&factor.solve(&slope)), *freedom)
-                };
-                solvers
-                    .iter()
-                    .map(of_effect)
-                    .fold(f64::NEG_INFINITY, f64::max)
-            })
-            .collect();
-        best.sort_by(f64::total_cmp);
-        best
     }
 }

@@ -78,7 +78,7 @@ impl Remainder {
             .map(|k| problem.track.samples[problem.stretches[*k].first].time)
             .collect();
         times_s.sort_by(f64::total_cmp);
-        let is_pushed = matters && gain > DECISION.wrench_gain;
+        let is_pushed = matters && gain > DECISION.refit_allowance();
         let largest = |values: &[f64; 3]| {
             (0..3)
                 .max_by(|a, b| values[*a].total_cmp(&values[*b]))

@@ -5,7 +5,7 @@ use bodyflight_core::effect::PARAMETER_COUNT;
 
 use crate::error::{Error, Result};
 use crate::hypotheses::decision::DECISION;
-use crate::hypotheses::hypothesis::{NamedEffect, Rejected};
+use crate::hypotheses::hypothesis::{Hypothesis, NamedEffect, Rejected};
 use crate::hypotheses::robust_covariance::error_bars;
 use crate::hypotheses::score_test::JointFit;
 use crate::jacobian::effect_parameters::estimated;
@@ -51,9 +51,11 @@ pub(crate) fn report(
         EffectSet::new()
     };
     let (named, mut near) = outcome.split(told_names);
-    let is_near = |near: &Rejected| match outcome {
-        Outcome::Calibrated => near.is_alternative,
-        _ => near.name.hypothesis.total() > DECISION.gain_per_parameter,
+    let is_possible =
+        |one: &Hypothesis| one.false_discovery_rate() < 1.0 - DECISION.false_discovery_rate;
+    let is_near = |near: &Rejected| {
+        is_possible(&near.name.hypothesis)
+            && (outcome != Outcome::Calibrated || near.is_alternative)
     };
     near.extend(nearest.filter(is_near).map(|near| {
         let effects = &near.name.hypothesis.effects;
@@ -148,16 +150,9 @@ fn outcome(
     let unexplained = remainders.iter().any(|left| left.is_unexplained);
     let failed = has_failed(joint_fit, remainders);
     let is_explained = !unexplained || explained >= DECISION.explained_share;
-    // A jump always leaves something, and its fit ends near the limits of a suit: only the significance of a name counts.
+    // A jump always leaves something, and its fit ends near the limits of a suit: only the odds of a name count.
     let is_thin = joint_fit.is_thin();
-    let is_sure =
-        |name: &NamedEffect| name.hypothesis.z_score_together() > DECISION.least_z_without_held_out;
-    let is_sound = if is_thin {
-        !failed || names.iter().all(is_sure)
-    } else {
-        !failed && is_explained
-    };
-    if !names.is_empty() && is_sound {
+    if !names.is_empty() && (is_thin || (!failed && is_explained)) {
         Outcome::Named
     } else if is_thin {
         Outcome::Thin
@@ -185,17 +180,13 @@ fn reported_effect(
     let values = of(effects).unwrap_or_else(|| name.hypothesis.values());
     let errors = of(errors).unwrap_or([0.0; PARAMETER_COUNT]);
     let evidence = EffectEvidence {
-        z_score: name.hypothesis.z_score_together(),
-        chance: Some(name.chance),
+        log_odds: name.hypothesis.log_odds(),
+        false_discovery_rate: name.hypothesis.false_discovery_rate(),
         explains: explained,
     };
     let effect = name.hypothesis.effect;
     let errors = errors.map(|error| DECISION.reported_error * error);
-    Named::new(effect, evidence, name.rivals.clone()).with_parameters(
-        estimated(effect),
-        &values,
-        &errors,
-    )
+    Named::new(effect, evidence, name.rivals()).with_parameters(estimated(effect), &values, &errors)
 }
 
 /// Gain of the named effects in each held-out flight, and what remains there.

@@ -183,7 +183,7 @@ pub(crate) fn described(
     let holds = |(_, _, gain, share): &(_, _, f64, f64)| {
         *gain > DECISION.description_held_out_gain && *share > DECISION.description_share_held_out
     };
-    if gain < cost + DECISION.description_gain
+    if gain < cost + DECISION.refit_allowance()
         || share < DECISION.description_share
         || !others.iter().all(holds)
     {

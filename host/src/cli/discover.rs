@@ -36,7 +36,6 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     }
     let request = Request {
         max_effects: args.max_effects,
-        seed: args.seed,
     };
     let options = args.reading.options();
     let bar = terminal::share_bar("discovering");

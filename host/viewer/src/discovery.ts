@@ -7,7 +7,7 @@ interface Named {
   name: string;
   parameters?: Record<string, number | null>;
   standard_errors?: Record<string, number | null>;
-  confidence?: number | null;
+  log_odds?: number | null;
   rivals?: { name: string; share: number }[];
   separated_by?: string;
   imitated_by_inputs?: boolean;
@@ -101,8 +101,8 @@ function effect(named: Named): HTMLElement {
     const text = `${value?.toPrecision(3) ?? "–"}${error ? ` ± ${error.toPrecision(2)}` : ""}`;
     list.append(element("dt", {}, name), element("dd", {}, text));
   }
-  if (Number.isFinite(named.confidence))
-    list.append(element("dt", {}, "beyond chance"), element("dd", {}, `${named.confidence?.toFixed(1)} deviations`));
+  if (Number.isFinite(named.log_odds))
+    list.append(element("dt", {}, "log odds"), element("dd", {}, `${named.log_odds?.toFixed(1)}`));
   const part = element("div", { class: "effect" }, element("b", {}, named.name), list);
   if (named.rivals?.length) {
     const rivals = named.rivals.map((rival) => rival.name).join(", ");

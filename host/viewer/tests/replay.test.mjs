@@ -305,7 +305,7 @@ test("two runs are overlaid, with the results of discovery", async () => {
     name: "wind",
     parameters: { north_mps: 4.01 },
     standard_errors: { north_mps: 0.02 },
-    confidence: 30,
+    log_odds: 30,
     explains: 1,
     rivals: [{ name: "exit-speed", share: 0.9 }],
     separated_by: "a long fall",
@@ -350,7 +350,7 @@ test("two runs are overlaid, with the results of discovery", async () => {
 test("reports without an effect, a gap or a map show no undefined values", async () => {
   const out = join(folder, "bare.html");
   const report = join(folder, "bare.json");
-  const effect = { name: "wind", parameters: { north_mps: null }, rivals: [{ name: "muscle" }], confidence: null };
+  const effect = { name: "wind", parameters: { north_mps: null }, rivals: [{ name: "muscle" }], log_odds: null };
   const nothing = { before: Array(9).fill(null), after: [], floor: Array(9).fill(0.1), closed_share: null };
   for (const bare of [
     { verdict: "none", effects: [], held_out: [] },

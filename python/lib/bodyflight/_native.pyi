@@ -487,7 +487,6 @@ def discover(
     *,
     hold_out: Sequence[Flight] = (),
     max_effects: int = 3,
-    seed: int = 1,
     progress: _Progress = None,
 ) -> dict[str, Any]: ...
 def sweep(

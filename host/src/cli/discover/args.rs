@@ -19,15 +19,12 @@ pub(in crate::cli) struct Args {
     /// A flight.toml, or an MVNX file on its own. Several flights of one person are fitted together.
     #[arg(required = true)]
     pub(super) flights: Vec<PathBuf>,
-    /// Flights left out of the fit; an effect is named only if it improves these too.
+    /// Flights left out of the fit, which judge what is found in the others.
     #[arg(long, value_name = "FLIGHT", num_args = 1..)]
     pub(super) hold_out: Vec<PathBuf>,
     /// Name at most this many effects.
     #[arg(long, default_value_t = 3)]
     pub(super) max_effects: usize,
-    /// Seed of the random flights used for comparison; the same seed gives the same report.
-    #[arg(long, default_value_t = 1)]
-    pub(super) seed: u64,
     /// Folder for report.json, report.svg and model.toml; created if absent.
     #[arg(long)]
     pub(super) out: Option<PathBuf>,

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bodyflight_discovery::named_effect::{Named, Outcome};
+use bodyflight_discovery::named_effect::{Named, Outcome, Rival};
 use bodyflight_discovery::output::report::Report;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
@@ -73,10 +73,11 @@ fn in_lines(named: &Named) -> Vec<String> {
         .zip(&named.standard_errors)
         .map(|((name, value), (_, error))| format!("{name} = {value:.3} +- {error:.3}"))
         .collect();
-    let sure = match named.evidence.chance {
-        Some(chance) => format!("as large by chance in {:.1} % of flights", 100.0 * chance),
-        None if named.evidence.z_score > 20.0 => "far beyond chance".to_owned(),
-        None => format!("{:.1} deviations beyond chance", named.evidence.z_score),
+    let doubt = 100.0 * named.evidence.false_discovery_rate;
+    let sure = if doubt < 0.1 {
+        "acts, with a doubt below 0.1 %".to_owned()
+    } else {
+        format!("does not act with a probability of {doubt:.1} %")
     };
     let mut lines = vec![format!(
         "  {}: {} ({sure})",
@@ -84,9 +85,10 @@ fn in_lines(named: &Named) -> Vec<String> {
         parameters.join(", "),
     )];
     if !named.rivals.is_empty() {
-        let rivals: Vec<&str> = named.rivals.iter().map(|rival| rival.name).collect();
+        let rival = |rival: &Rival| format!("{} ({:.0} %)", rival.name, 100.0 * rival.share);
+        let rivals: Vec<String> = named.rivals.iter().map(rival).collect();
         lines.push(format!(
-            "    indistinguishable from {} in this flight; fly: {}",
+            "    it may be {} instead; to tell, fly: {}",
             rivals.join(", "),
             named.separated_by
         ));
@@ -206,8 +208,8 @@ mod tests {
 
     fn found(effect: Effect) -> Named {
         let evidence = EffectEvidence {
-            z_score: 30.0,
-            chance: Some(0.001),
+            log_odds: 6.9,
+            false_discovery_rate: 0.001,
             explains: 1.0,
         };
         Named::new(effect, evidence, Vec::new())
