@@ -173,6 +173,17 @@ impl<T: Real, const N: usize, const P: usize> Relative<T, N, P> {
                 self.mounting[i].vertical * turned,
             ]
         });
+        self.learn(&with_attitude, &with_heading, &inverse);
+        (Some(errors), mismatch / T::of(3.0))
+    }
+
+    /// Takes off what a comparison has shown: the covariances with the difference, and the inverse of the difference's own.
+    fn learn(
+        &mut self,
+        with_attitude: &[Matrix3<T>; N],
+        with_heading: &[Vector3<T>; N],
+        inverse: &Matrix3<T>,
+    ) {
         for i in 0..N {
             let (gain, of_heading) = (with_attitude[i] * inverse, inverse * with_heading[i]);
             for (j, with) in with_attitude.iter().enumerate() {
@@ -195,7 +206,6 @@ impl<T: Real, const N: usize, const P: usize> Relative<T, N, P> {
                 *heading = T::zero();
             }
         }
-        (Some(errors), mismatch / T::of(3.0))
     }
 
     /// Covariance of the orientation of one segment relative to another (rad2, reference axes); the rotations are from
