@@ -3,6 +3,8 @@
 
 #[path = "stream/alone.rs"]
 mod alone;
+#[path = "stream/calibration.rs"]
+mod calibration;
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;

@@ -38,6 +38,9 @@ pub const BAUD: u32 = 1_000_000;
 pub const SLOT: u32 = 300;
 /// Length of a packet (bytes).
 pub const PACKET_LENGTH: usize = 25;
+/// Time that a packet takes on the line (us): ten bits a byte.
+#[expect(clippy::cast_possible_truncation, reason = "250")]
+pub const PACKET_TIME: u32 = PACKET_LENGTH as u32 * 10_000_000 / BAUD;
 /// First byte of a packet.
 pub const SYNC: u8 = 0xd2;
 /// Upper half of the second byte: version of the format. The lower half is the address.

@@ -20,6 +20,7 @@ pub mod limbs;
 #[path = "no_limbs.rs"]
 pub mod limbs;
 mod log;
+pub mod node;
 pub mod ports;
 mod queue;
 pub mod recorder;

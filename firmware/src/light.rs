@@ -20,7 +20,7 @@ use bodyflight_core::link::{CalibrationStage, CalibrationVerdict, EstimateFlags}
 pub const STEP_MS: u64 = 100;
 
 /// Length of a pattern (steps).
-const STEPS: u32 = 20;
+pub(crate) const STEPS: u32 = 20;
 
 /// Steps without an estimate after which the unit counts as waiting.
 const SILENCE: u32 = 20;
@@ -40,17 +40,17 @@ const PATTERNS: [(EstimateFlags, u32); 7] = [
     (EstimateFlags::VALID, ON),
 ];
 
-const FLASH: u32 = 0b1;
+pub(crate) const FLASH: u32 = 0b1;
 const TWO_FLASHES: u32 = 0b1001;
 const THREE_FLASHES: u32 = 0b100_1001;
-const SLOW: u32 = 0b0000_0000_0011_1111_1111;
+pub(crate) const SLOW: u32 = 0b0000_0000_0011_1111_1111;
 const ON: u32 = 0b1111_1111_1111_1111_1111;
 const GAPS: u32 = 0b1111_0111_1111_1111_0111;
-const TWICE: u32 = 0b0001_1000_1100_0110_0011;
+pub(crate) const TWICE: u32 = 0b0001_1000_1100_0110_0011;
 const LIMB: u32 = 0b0000_0111_1111_1111_1111;
 const POSES: u32 = 0b1_1111;
 const UPRIGHT: u32 = 0b11_0011;
-const FAST: u32 = 0b0101_0101_0101_0101_0101;
+pub(crate) const FAST: u32 = 0b0101_0101_0101_0101_0101;
 
 /// Below the first voltage (mV) a lithium cell has minutes left; above the second it counts as charged again.
 const EMPTY: u16 = 3500;

@@ -12,7 +12,7 @@ use bodyflight_core::link::{
     Calibration, CalibrationStage, CalibrationVerdict, ChainReport, LIMBS, LimbSensor, LimbTable,
     SegmentErrors,
 };
-use bodyflight_core::suit::set::{Fitted, Suit};
+use bodyflight_core::suit::set::{Fitted, Suit, pairs_of};
 use bodyflight_core::suit::strapdown::{LONGEST_INTERVAL, Reading};
 use bodyflight_core::{Body, Lanes, Posture, Segment};
 use nalgebra::Vector3;
@@ -24,6 +24,9 @@ const ERRORS_EVERY: f32 = 2.0;
 
 /// Time that is assumed to pass while the node on the pelvis restarts (us).
 const RESTART: u32 = 1_000_000;
+
+/// As many sensors as a unit has room for.
+type LimbSuit = Suit<f32, LIMBS, { pairs_of(LIMBS) }>;
 
 /// Whether this build has sensors on the limbs.
 pub const IS_BUILT_IN: bool = true;
@@ -42,6 +45,8 @@ enum State {
 /// Sensors whose postures follow.
 #[derive(Debug)]
 struct Worn {
+    /// Made in its place: a unit's stack has no room for several copies.
+    suit: Option<LimbSuit>,
     order: heapless::Vec<Segment, LIMBS>,
     /// Calibrated sensors that were not heard when postures began, a bit for each segment.
     missing: u16,
@@ -72,9 +77,6 @@ pub struct Limbs {
     cycles: Cycles,
     table: LimbTable,
     state: State,
-    /// The sensors while postures follow. It has a place of its own, in which it is made: a unit's stack has no room for
-    /// several copies.
-    suit: Option<Suit<f32, LIMBS>>,
     verdict: CalibrationVerdict,
     about: Segment,
     /// Time of the last cycle (us), and since the first one.
@@ -101,7 +103,6 @@ impl Limbs {
             cycles: Cycles::new(),
             table: LimbTable::new(),
             state: State::Resting(Poses::new()),
-            suit: None,
             verdict: CalibrationVerdict::Nothing,
             about: Segment::Pelvis,
             last: None,
@@ -143,7 +144,6 @@ impl Limbs {
 
     /// Waits for poses, or for the person to stand upright.
     fn rest(&mut self) {
-        self.suit = None;
         self.state = State::Resting(Poses::of(&self.table));
     }
 
@@ -177,13 +177,13 @@ impl Limbs {
         self.elapsed += u64::from(step);
         // Exact: below 2^24.
         let duration = step as f32 * 1e-6;
-        match (&mut self.state, &mut self.suit) {
-            (State::Resting(poses), _) => poses.take(cycle, duration),
-            (State::Worn(worn), Some(suit)) if duration <= f32::of(LONGEST_INTERVAL) => {
-                worn.take(suit, cycle, duration);
+        match &mut self.state {
+            State::Resting(poses) => poses.take(cycle, duration),
+            State::Worn(worn) if duration <= f32::of(LONGEST_INTERVAL) => {
+                worn.take(cycle, duration);
                 None
             }
-            (State::Worn(_), _) => {
+            State::Worn(_) => {
                 self.rest();
                 None
             }
@@ -226,13 +226,12 @@ impl Limbs {
                 let _ = fitted.push(row.fitted());
             }
         }
-        self.make_suit(&fitted, body);
         // Without the pelvis postures mean nothing.
-        let Some(suit) = &mut self.suit else {
+        if !fitted.iter().any(|one| one.segment == Segment::Pelvis) {
             return;
-        };
-        suit.set_on_ground(false);
-        let mut worn = Worn {
+        }
+        self.state = State::Worn(Worn {
+            suit: None,
             order: fitted.iter().map(|fitted| fitted.segment).collect(),
             missing,
             posture: Posture::h_pose(),
@@ -242,14 +241,14 @@ impl Limbs {
             },
             is_new: true,
             age: 0.0,
+        });
+        let is_made = match &mut self.state {
+            State::Worn(worn) => worn.make_suit(&fitted, body),
+            State::Resting(_) => false,
         };
-        worn.see(suit);
-        self.state = State::Worn(worn);
-    }
-
-    #[inline(never)]
-    fn make_suit(&mut self, fitted: &[Fitted<f32>], body: &Body<f32>) {
-        self.suit = Suit::new(fitted, body, &Posture::h_pose()).ok();
+        if !is_made {
+            self.rest();
+        }
     }
 
     /// The pelvis's reading in body axes, once the sensors are calibrated.
@@ -340,19 +339,32 @@ impl Limbs {
 }
 
 impl Worn {
-    fn take(&mut self, suit: &mut Suit<f32, LIMBS>, cycle: &Cycle, duration: f32) {
+    /// Makes the set, and takes its first posture; returns whether the sensors are a set.
+    #[inline(never)]
+    fn make_suit(&mut self, fitted: &[Fitted<f32>], body: &Body<f32>) -> bool {
+        self.suit = Suit::new(fitted, body, &Posture::h_pose()).ok();
+        if let Some(suit) = &mut self.suit {
+            suit.set_on_ground(false);
+        }
+        self.see();
+        self.suit.is_some()
+    }
+
+    fn take(&mut self, cycle: &Cycle, duration: f32) {
+        let Some(suit) = &mut self.suit else { return };
         let mut readings = [None::<Reading<f32>>; LIMBS];
         for (reading, segment) in readings.iter_mut().zip(&self.order) {
             *reading = cycle.readings[*segment];
         }
         suit.push(&readings, duration);
         self.age += duration;
-        self.see(suit);
+        self.see();
     }
 
     /// Takes posture and errors out of the suit.
     #[inline(never)]
-    fn see(&mut self, suit: &Suit<f32, LIMBS>) {
+    fn see(&mut self) {
+        let Some(suit) = &self.suit else { return };
         let found = suit.posture();
         self.posture = found.posture();
         let failed = suit.faults();

@@ -257,9 +257,13 @@ impl Recorder {
         self.changed.signal(());
     }
 
-    /// Queues a request concerning the stored configuration.
+    /// Queues a request concerning the stored configuration in place of the one that waits. One to read never replaces
+    /// another: the host asks again.
     pub fn ask_setup(&self, action: SetupAction, record: Option<[u8; SETUP_LENGTH]>) {
-        self.state.borrow_mut().setup = Some((action, record));
+        let waiting = &mut self.state.borrow_mut().setup;
+        if action != SetupAction::Read || waiting.is_none() {
+            *waiting = Some((action, record));
+        }
         self.changed.signal(());
     }
 

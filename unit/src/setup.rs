@@ -150,8 +150,8 @@ mod tests {
     use super::*;
     use crate::stream::configuration_at;
     use crate::virtual_unit::VirtualUnit;
-    use bodyflight_core::Segment;
-    use bodyflight_core::link::{LimbSensor, SensorKind, StreamMode};
+    use bodyflight_core::link::{LIMBS, LimbSensor, SensorKind, StreamMode};
+    use bodyflight_core::suit::placement::of_size;
 
     fn setup() -> Setup {
         let flight = Flight::bare(Path::new("none"));
@@ -178,9 +178,10 @@ mod tests {
         assert_eq!(read(&target(&unit)).unwrap(), None);
         let mut setup = setup();
         setup.configure.sensor = SensorKind::Chain;
-        for segment in [Segment::Pelvis, Segment::LeftShank] {
+        // As many as there is room for: the longest answer.
+        for segment in of_size(LIMBS).unwrap() {
             setup.limbs.insert(&LimbSensor {
-                segment,
+                segment: *segment,
                 ..LimbSensor::default()
             });
         }

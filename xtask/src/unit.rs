@@ -6,10 +6,11 @@ use crate::image;
 use crate::run::{Result, say};
 use crate::uf2;
 
-/// Boards that are separate workspaces: identifier and display name.
-const BOARDS: [[&str; 2]; 2] = [
-    ["stm32f405", "STM32F405"],
-    ["rp2350-pico2", "Raspberry Pi Pico 2"],
+/// Images of boards that are separate workspaces: board, program and display name.
+const IMAGES: [[&str; 3]; 3] = [
+    ["stm32f405", "unit", "image for the STM32F405"],
+    ["rp2350-pico2", "node", "node for a limb"],
+    ["rp2350-pico2", "unit", "image for the Raspberry Pi Pico 2"],
 ];
 
 /// Images of the unit.
@@ -25,10 +26,10 @@ pub(crate) struct Images {
 /// Builds and checks the images for all boards.
 pub(crate) fn unit() -> Result<Images> {
     let mut flashed = Vec::new();
-    for [board, name] in BOARDS {
-        let image = image::build_board(board, "unit")?;
-        image::check(&image, &format!("unit-{board}"))?;
-        say(&format!("image for the {name}: {}", image.display()));
+    for [board, program, name] in IMAGES {
+        let image = image::build_board(board, program)?;
+        image::check(&image, &format!("{program}-{board}"))?;
+        say(&format!("{name}: {}", image.display()));
         let (file, way) = if board == "rp2350-pico2" {
             (
                 uf2::convert(&image, uf2::RP2350)?,

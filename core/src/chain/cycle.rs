@@ -9,6 +9,13 @@ const OLDEST: u8 = 200;
 /// Cycles that may be skipped.
 const LONGEST_GAP: u16 = 2000;
 
+/// Number of cycles between two that were heard one after the other; 0 after a longer gap, since the pelvis's node has
+/// restarted then, and counts anew.
+pub const fn skipped(last: u16, next: u16) -> u16 {
+    let skipped = next.wrapping_sub(last).saturating_sub(1);
+    if skipped < LONGEST_GAP { skipped } else { 0 }
+}
+
 /// Account of one node; counters wrap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct NodeCounters {
@@ -124,12 +131,7 @@ impl Cycles {
     /// Completes the present cycle.
     fn close(&mut self) -> Option<Cycle> {
         let cycle = self.open.take()?;
-        let skipped = match self.closed {
-            Some(last) => cycle.number.wrapping_sub(last).saturating_sub(1),
-            None => 0,
-        };
-        // After a longer gap the pelvis's node has restarted, and counts anew.
-        let skipped = if skipped < LONGEST_GAP { skipped } else { 0 };
+        let skipped = self.closed.map_or(0, |last| skipped(last, cycle.number));
         for segment in Segment::ALL {
             let is_heard = self.heard & (1 << (segment as u8)) != 0;
             if let Some(node) = self.nodes.get_mut(segment as usize)

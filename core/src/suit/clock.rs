@@ -51,7 +51,7 @@ impl<T: Real, const N: usize> Default for Clocks<T, N> {
 
 impl<T: Real, const N: usize> Clocks<T, N> {
     /// Takes the sample that the set took last, `duration` (s) after the one before.
-    pub fn take(&mut self, suit: &Suit<T, N>, duration: T) {
+    pub fn take<const P: usize>(&mut self, suit: &Suit<T, N, P>, duration: T) {
         let has_passed = duration > T::zero();
         if !has_passed {
             return;
@@ -71,14 +71,14 @@ impl<T: Real, const N: usize> Clocks<T, N> {
         for (index, (sensor, joint)) in suit.sensors.iter().zip(&mut self.joints).enumerate() {
             let pair = sensor.link.and_then(|link| {
                 let own = felt(index, &link.from_own)?;
-                Some([own, felt(link.parent, &link.from_parent)?])
+                Some([own, felt(link.parent(), &link.from_parent)?])
             });
             joint.take(pair, duration);
         }
     }
 
     /// How late each sensor is relative to the pelvis' (s), with its standard deviation; `None` if that does not show.
-    pub fn delays(&self, suit: &Suit<T, N>) -> [Option<[T; 2]>; N] {
+    pub fn delays<const P: usize>(&self, suit: &Suit<T, N, P>) -> [Option<[T; 2]>; N] {
         core::array::from_fn(|index| {
             let mut sensor = suit.sensors.get(index)?;
             let mut joint = self.joints.get(index)?;
@@ -89,8 +89,8 @@ impl<T: Real, const N: usize> Clocks<T, N> {
                 let [own, spread] = joint.delay()?;
                 delay += own;
                 variance += spread;
-                sensor = suit.sensors.get(link.parent)?;
-                joint = self.joints.get(link.parent)?;
+                sensor = suit.sensors.get(link.parent())?;
+                joint = self.joints.get(link.parent())?;
             }
             Some([delay, variance.root()])
         })

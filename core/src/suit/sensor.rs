@@ -32,15 +32,29 @@ pub struct Fitted<T: Real> {
 /// A neighbour towards the pelvis: its index, and the common joint as seen from either sensor (m, sensor axes).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Link<T: Real> {
-    pub(super) parent: usize,
+    parent: u8,
+    /// Whether a segment without a sensor is between them.
+    is_far: bool,
     pub(super) from_parent: Vector3<T>,
     pub(super) from_own: Vector3<T>,
-    pub(super) lever: f32,
+}
+
+impl<T: Real> Link<T> {
+    pub(super) fn parent(&self) -> usize {
+        self.parent.into()
+    }
+
+    /// Further share of the force that the lever arms cause.
+    pub(super) fn lever(&self) -> T {
+        T::single(if self.is_far { FAR_LEVER } else { LEVER })
+    }
 }
 
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sensor<T: Real> {
-    pub(super) fitted: Fitted<T>,
+    pub(super) segment: Segment,
+    pub(super) gyroscope: Gyroscope<T>,
+    pub(super) mounting: Mounting<T>,
     pub(super) strapdown: Strapdown<T>,
     pub(super) watch: Watch<T>,
     pub(super) link: Option<Link<T>>,
@@ -57,17 +71,17 @@ pub(super) struct Sensor<T: Real> {
     /// Attitude error (rad, reference axes) for an error of the scale of each axis, and the largest variance by it.
     pub(super) by_gain: Matrix3<T>,
     pub(super) gain_variance: Vector3<T>,
-    /// Integral of the mismatch with the neighbour since the first pose, and its time (s).
-    pub(super) misfit: [T; 2],
 }
 
 impl<T: Real> Sensor<T> {
     /// A sensor before its first attitude.
-    pub(super) fn new(fitted: Fitted<T>, link: Option<Link<T>>) -> Self {
+    pub(super) fn new(fitted: &Fitted<T>, link: Option<Link<T>>) -> Self {
         Self {
+            segment: fitted.segment,
+            gyroscope: fitted.gyroscope,
+            mounting: fitted.mounting,
             strapdown: Strapdown::new(UnitQuaternion::identity()),
             watch: Watch::new(fitted.range),
-            fitted,
             link,
             begin: (UnitQuaternion::identity(), Vector3::zeros()),
             force: Vector3::zeros(),
@@ -76,7 +90,6 @@ impl<T: Real> Sensor<T> {
             turned: Vector3::zeros(),
             by_gain: Matrix3::zeros(),
             gain_variance: Vector3::zeros(),
-            misfit: [T::zero(); 2],
         }
     }
 
@@ -84,7 +97,7 @@ impl<T: Real> Sensor<T> {
     pub(super) fn take(&mut self, reading: Option<&Reading<T>>, duration: T) {
         self.watch.take(reading, duration);
         let rate = match reading {
-            Some(reading) => self.fitted.gyroscope.corrected(&reading.angular_velocity),
+            Some(reading) => self.gyroscope.corrected(&reading.angular_velocity),
             None => self.strapdown.rate(),
         };
         self.strapdown.advance(&rate, duration);
@@ -121,7 +134,7 @@ impl<T: Real> Sensor<T> {
     }
 
     pub(super) fn reference_from_segment(&self) -> UnitQuaternion<T> {
-        let mounted = self.fitted.mounting.segment_from_sensor.inverse();
+        let mounted = self.mounting.segment_from_sensor.inverse();
         normalized(self.strapdown.reference_from_sensor.into_inner() * mounted.into_inner())
     }
 }
@@ -130,22 +143,22 @@ impl<T: Real> Sensor<T> {
 pub(super) fn link<T: Real>(own: &Fitted<T>, all: &[Fitted<T>], body: &Body<T>) -> Option<Link<T>> {
     let mut joint = body.segments[own.segment].joint_offset;
     let mut segment = own.segment.parent()?;
-    let mut lever = LEVER;
+    let mut is_far = false;
     let parent = loop {
         if let Some(parent) = all.iter().position(|other| other.segment == segment) {
             break parent;
         }
-        lever = FAR_LEVER;
+        is_far = true;
         joint += body.segments[segment].joint_offset;
         segment = segment.parent()?;
     };
     let other = all.get(parent)?;
     let to_sensor = |fitted: &Fitted<T>| fitted.mounting.segment_from_sensor.inverse();
     Some(Link {
-        parent,
+        parent: u8::try_from(parent).ok()?,
+        is_far,
         from_parent: to_sensor(other) * (joint - other.place),
         from_own: to_sensor(own) * -own.place,
-        lever,
     })
 }
 

@@ -3,7 +3,8 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::fill::{Orientation, filled};
-use super::relative::{Comparison, Errors, Relative};
+pub use super::relative::pairs_of;
+use super::relative::{Comparison, Errors, Mounted, Relative};
 pub use super::sensor::Fitted;
 use super::sensor::{Sensor, in_axes, link, matrix};
 use super::strapdown::{LONGEST_INTERVAL, Reading, Strapdown};
@@ -46,15 +47,17 @@ pub enum SetError {
     TooMany,
 }
 
-/// A set of up to `N` sensors.
+/// A set of up to `N` sensors; `P` is [`pairs_of`] `N`.
 #[derive(Debug, Clone)]
-pub struct Suit<T: Real, const N: usize> {
+pub struct Suit<T: Real, const N: usize, const P: usize> {
     pub(super) sensors: heapless::Vec<Sensor<T>, N>,
-    relative: Relative<T, N>,
+    relative: Relative<T, N, P>,
     window: T,
     turning: T,
     /// Time since the errors were last set (s).
     age: T,
+    /// Integral of the mismatches of neighbours since the first pose, and its time (s).
+    misfit: [T; 2],
     is_on_ground: bool,
 }
 
@@ -87,7 +90,7 @@ const fn tissue(segment: Segment) -> f32 {
     own * own + BONE * BONE
 }
 
-impl<T: Real, const N: usize> Suit<T, N> {
+impl<T: Real, const N: usize, const P: usize> Suit<T, N, P> {
     /// Starts with a person who stands still in `pose`, facing north by definition.
     ///
     /// # Errors
@@ -102,7 +105,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
             if index(one.segment) != Some(place) {
                 return Err(SetError::Twice(one.segment));
             }
-            let sensor = Sensor::new(*one, link(one, fitted, body));
+            let sensor = Sensor::new(one, link(one, fitted, body));
             sensors.push(sensor).map_err(|_| SetError::TooMany)?;
         }
         let mut suit = Self {
@@ -111,6 +114,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
             window: T::zero(),
             turning: T::zero(),
             age: T::zero(),
+            misfit: [T::zero(); 2],
             is_on_ground: true,
         };
         let upright = facing_north::<T>(T::zero()).quaternion().into_inner();
@@ -128,10 +132,8 @@ impl<T: Real, const N: usize> Suit<T, N> {
     ) {
         let body_from_segments = pose.body_from_segments();
         for (index, sensor) in self.sensors.iter_mut().enumerate() {
-            let Fitted {
-                segment, mounting, ..
-            } = sensor.fitted;
-            let of_segment = body_from_segments[segment];
+            let mounting = &sensor.mounting;
+            let of_segment = body_from_segments[sensor.segment];
             sensor.strapdown = Strapdown::new(attitude(
                 mounting.segment_from_sensor.into_inner(),
                 of_segment.into_inner(),
@@ -144,14 +146,12 @@ impl<T: Real, const N: usize> Suit<T, N> {
             let level = square(T::of(TILT));
             // The pose is off by a tilt, which gravity keeps out of the attitude, and by a heading, which it does not.
             let attitude = Matrix3::from_diagonal(&Vector3::new(level, level, heading + tilt));
-            let mounting = Matrix3::from_diagonal(&Vector3::new(tilt, tilt, heading));
-            let cross = Matrix3::from_diagonal(&Vector3::new(T::zero(), T::zero(), heading));
-            self.relative.set(
-                index,
-                attitude,
-                in_axes(&mounting, &of_segment),
-                matrix(&of_segment).transpose() * cross,
-            );
+            let mounted = Mounted {
+                vertical: of_segment.inverse() * Vector3::z(),
+                tilt,
+                heading,
+            };
+            self.relative.set(index, attitude, mounted);
             sensor.by_gain = Matrix3::zeros();
             sensor.gain_variance = Vector3::zeros();
             sensor.turned = Vector3::zeros();
@@ -203,7 +203,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
         let age = self.age;
         self.age += window;
         for (index, sensor) in self.sensors.iter_mut().enumerate() {
-            let gyroscope = &sensor.fitted.gyroscope;
+            let gyroscope = &sensor.gyroscope;
             let bias = gyroscope.bias_deviation * gyroscope.bias_deviation;
             let drift = bias * window * (T::of(2.0) * age + window) + T::of(NOISE * NOISE) * window;
             let gain = gyroscope.gain_deviation;
@@ -245,7 +245,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
             }
             return;
         };
-        let Some(parent) = self.sensors.get(link.parent) else {
+        let Some(parent) = self.sensors.get(link.parent()) else {
             return;
         };
         if sensor.has_lost || parent.has_lost || sensor.watch.is_dead() || parent.watch.is_dead() {
@@ -254,9 +254,9 @@ impl<T: Real, const N: usize> Suit<T, N> {
         let (own, own_lever) = sensor.force_at(&link.from_own, window);
         let (other, other_lever) = parent.force_at(&link.from_parent, window);
         let lever = (own_lever.norm_squared() + other_lever.norm_squared()).root();
-        let variance = square(T::of(FORCE)) + square(T::single(link.lever) * lever);
+        let variance = square(T::of(FORCE)) + square(link.lever() * lever);
         let (errors, mismatch) = self.relative.compare(&Comparison {
-            pair: (index, Some(link.parent)),
+            pair: (index, Some(link.parent())),
             seen: own,
             expected: other,
             variance,
@@ -264,7 +264,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
         self.correct(errors);
         if let Some(sensor) = self.sensors.get_mut(index) {
             sensor.watch.mismatched(mismatch, window);
-            let [sum, time] = &mut sensor.misfit;
+            let [sum, time] = &mut self.misfit;
             *sum += Watch::counted(mismatch) * window;
             *time += window;
         }
@@ -272,17 +272,13 @@ impl<T: Real, const N: usize> Suit<T, N> {
 
     /// The segments with a sensor, in the order of the sensors.
     pub fn segments(&self) -> impl Iterator<Item = Segment> {
-        self.sensors.iter().map(|sensor| sensor.fitted.segment)
+        self.sensors.iter().map(|sensor| sensor.segment)
     }
 
     /// Mean mismatch of neighbours since the first pose (1 is expected of the worst that is allowed for): it is least if
     /// every sensor is where it is said to be. `None` before the first comparison.
     pub fn misfit(&self) -> Option<T> {
-        let (mut sum, mut time) = (T::zero(), T::zero());
-        for sensor in &self.sensors {
-            sum += sensor.misfit[0];
-            time += sensor.misfit[1];
-        }
+        let [sum, time] = self.misfit;
         (time > T::zero()).then(|| sum / time)
     }
 
@@ -315,7 +311,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
 
     fn turns_of(&self, index: usize) -> Option<(Vector3<T>, Vector3<T>, usize)> {
         let sensor = self.sensors.get(index)?;
-        let parent = sensor.link?.parent;
+        let parent = sensor.link?.parent();
         let other = self.sensors.get(parent)?;
         let is_alive = !sensor.watch.is_dead() && !other.watch.is_dead();
         is_alive.then_some((sensor.turned, other.turned, parent))
@@ -326,7 +322,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
         let Some(errors) = errors else { return };
         for (sensor, [attitude, mounting]) in self.sensors.iter_mut().zip(&errors) {
             sensor.strapdown.correct(attitude);
-            let own = &mut sensor.fitted.mounting.segment_from_sensor;
+            let own = &mut sensor.mounting.segment_from_sensor;
             let mut turned = Strapdown::new(*own);
             turned.correct(mounting);
             *own = turned.reference_from_sensor;
@@ -358,8 +354,8 @@ impl<T: Real, const N: usize> Suit<T, N> {
             let covariance = self
                 .relative
                 .between((index, &of_segment), (root, &of_body));
-            let tissue = Matrix3::from_diagonal_element(T::single(tissue(sensor.fitted.segment)));
-            measured[sensor.fitted.segment] = Some(Orientation {
+            let tissue = Matrix3::from_diagonal_element(T::single(tissue(sensor.segment)));
+            measured[sensor.segment] = Some(Orientation {
                 body_from_segment: normalized(
                     body_from_reference.into_inner() * reference_from_segment.into_inner(),
                 ),
@@ -367,7 +363,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
                 is_measured: true,
             });
         }
-        let mounted = pelvis.fitted.mounting.segment_from_sensor;
+        let mounted = pelvis.mounting.segment_from_sensor;
         SuitPosture {
             inertial_from_body: Rotation::from_quaternion(reference_from_body),
             angular_velocity: mounted * pelvis.strapdown.rate(),
@@ -379,7 +375,7 @@ impl<T: Real, const N: usize> Suit<T, N> {
     /// The worst fault of each sensor that has one, in the order of the sensors.
     pub fn faults(&self) -> impl Iterator<Item = (Segment, Fault)> {
         let each = self.sensors.iter().enumerate();
-        each.filter_map(|(index, sensor)| Some((sensor.fitted.segment, self.fault(index)?)))
+        each.filter_map(|(index, sensor)| Some((sensor.segment, self.fault(index)?)))
     }
 
     fn fault(&self, index: usize) -> Option<Fault> {
@@ -398,18 +394,18 @@ impl<T: Real, const N: usize> Suit<T, N> {
         let Some(link) = sensor.link else {
             return self.pelvis_slipped(index);
         };
-        let is_inner_one = self
-            .sensors
-            .get(link.parent)
-            .is_some_and(|parent| match parent.link {
-                Some(_) => parent.watch.is_suspect(),
-                None => self.pelvis_slipped(link.parent),
-            });
+        let is_inner_one =
+            self.sensors
+                .get(link.parent())
+                .is_some_and(|parent| match parent.link {
+                    Some(_) => parent.watch.is_suspect(),
+                    None => self.pelvis_slipped(link.parent()),
+                });
         sensor.watch.disagrees() && !is_inner_one
     }
 
     fn pelvis_slipped(&self, index: usize) -> bool {
-        let linked = |sensor: &&Sensor<T>| sensor.link.is_some_and(|link| link.parent == index);
+        let linked = |sensor: &&Sensor<T>| sensor.link.is_some_and(|link| link.parent() == index);
         let mut neighbours = self.sensors.iter().filter(linked);
         let all = neighbours.clone().count();
         all > 1 && neighbours.all(|sensor| sensor.watch.disagrees())

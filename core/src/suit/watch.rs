@@ -29,20 +29,34 @@ pub enum Fault {
 /// Watches one sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Watch<T: Real> {
-    /// Largest angular velocity that it can read (rad/s), if that is known.
-    range: Option<T>,
-    last: Option<Reading<T>>,
+    /// Angular velocity from which it is saturated (rad/s); infinite if that is not known.
+    limit: T,
+    /// Sum of the last reading's numbers, each with a weight of its own, by which a frozen one shows; not a number before the
+    /// first.
+    last: T,
     silent: T,
     has_saturated: bool,
     mismatch: T,
+}
+
+/// Two readings with the same sum differ once in a while, but not for as long as it takes to be dead.
+fn sum<T: Real>(reading: &Reading<T>) -> T {
+    let numbers = reading
+        .angular_velocity
+        .iter()
+        .chain(&reading.specific_force);
+    let weighted = numbers.zip([1.0, 1.37, 1.91, 0.61, 0.83, 0.29]);
+    weighted.fold(T::zero(), |sum, (number, weight)| {
+        sum + *number * T::single(weight)
+    })
 }
 
 impl<T: Real> Watch<T> {
     /// Watches a sensor of this range (rad/s).
     pub fn new(range: Option<T>) -> Self {
         Self {
-            range,
-            last: None,
+            limit: range.map_or(T::of(f64::INFINITY), |range| range * T::of(SATURATED)),
+            last: T::of(f64::NAN),
             silent: T::zero(),
             has_saturated: false,
             mismatch: T::one(),
@@ -51,18 +65,18 @@ impl<T: Real> Watch<T> {
 
     /// Takes a reading, or its loss.
     pub fn take(&mut self, reading: Option<&Reading<T>>, duration: T) {
-        let is_new = reading.is_some() && self.last.as_ref() != reading;
+        let sum = reading.map(sum);
+        let is_new = sum.is_some_and(|sum| sum != self.last);
         if is_new {
             self.silent = T::zero();
         } else if duration > T::zero() && self.silent < T::of(DEAD) {
             self.silent += duration;
         }
         if let Some(reading) = reading {
-            self.last = Some(*reading);
-            let limit = self.range.map(|range| range * T::of(SATURATED));
-            let is_beyond = |rate: &T| limit.is_some_and(|limit| rate.abs() >= limit);
+            let is_beyond = |rate: &T| rate.abs() >= self.limit;
             self.has_saturated |= reading.angular_velocity.iter().any(is_beyond);
         }
+        self.last = sum.unwrap_or(self.last);
     }
 
     /// Takes the mismatch with the neighbour (1 is expected) after `duration` (s).

@@ -28,7 +28,7 @@ use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::math::{Lanes, small_rotation};
 use bodyflight_core::suit::mounting::Mounting;
 use bodyflight_core::suit::placement::of_size;
-use bodyflight_core::suit::set::{Fitted, Suit};
+use bodyflight_core::suit::set::{Fitted, Suit, pairs_of};
 use bodyflight_core::suit::strapdown::Reading;
 use bodyflight_core::suit::tray::Gyroscope;
 use bodyflight_core::{Body, Posture, Segment};
@@ -364,7 +364,8 @@ fn suit(counter: &mut Counter, body: &Body<f32>) -> Option<[u32; 2]> {
         },
         range: None,
     });
-    let mut suit = Suit::<f32, 10>::new(&fitted, body, &Posture::h_pose()).ok()?;
+    let mut suit =
+        Suit::<f32, 10, { pairs_of(10) }>::new(&fitted, body, &Posture::h_pose()).ok()?;
     let mut instructions = 0;
     for k in 0..100_u8 {
         let swing = f32::from(k % 10) * 0.1;

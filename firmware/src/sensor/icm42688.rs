@@ -93,9 +93,14 @@ pub struct Icm42688<B, P, D> {
 }
 
 impl<B: SpiBus, P: OutputPin, D: DelayNs> Icm42688<B, P, D> {
+    /// A chip that was not set up yet.
+    pub const fn new(bus: B, select: P, delay: D) -> Self {
+        Self { bus, select, delay }
+    }
+
     /// Finds the chip and sets it up; returns `None` if no such chip answers.
     pub async fn find(bus: B, select: P, delay: D) -> Option<Self> {
-        let mut chip = Self { bus, select, delay };
+        let mut chip = Self::new(bus, select, delay);
         chip.set_up().await.ok()?;
         Some(chip)
     }
@@ -125,16 +130,30 @@ impl<B: SpiBus, P: OutputPin, D: DelayNs> Icm42688<B, P, D> {
     /// Returns an error if the bus fails, or if there is none for ten intervals.
     pub async fn measure(&mut self) -> Result<Measured, ChipError> {
         for _ in 0..LOOKS {
-            let mut status = [0];
-            self.read(INTERRUPT_STATUS, &mut status)?;
-            if status[0] & READY != 0
-                && let Some(measured) = self.latest()?
-            {
+            if let Some(measured) = self.look()? {
                 return Ok(measured);
             }
-            self.delay.delay_us(LOOKING).await;
+            self.wait(LOOKING).await;
         }
         Err(ChipError::Silent)
+    }
+
+    /// The measurement since the last look, if there is one. Takes up to 16 bytes on the bus.
+    ///
+    /// # Errors
+    /// Returns an error if the bus fails.
+    pub fn look(&mut self) -> Result<Option<Measured>, ChipError> {
+        let mut status = [0];
+        self.read(INTERRUPT_STATUS, &mut status)?;
+        if status[0] & READY == 0 {
+            return Ok(None);
+        }
+        self.latest()
+    }
+
+    /// Waits (us).
+    pub(crate) async fn wait(&mut self, micros: u32) {
+        self.delay.delay_us(micros).await;
     }
 
     /// The latest measurement; `None` if a sensor has not started. All registers are read at once, so that they belong
@@ -254,4 +273,4 @@ impl<B: SpiBus, P: OutputPin, D: DelayNs> Read for Port<B, P, D> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -1,12 +1,17 @@
 //! Frames waiting for transmission.
 
-use bodyflight_core::link::{Header, LogPiece, MAX_FRAME_LENGTH, Message, PIECE_LENGTH};
+use bodyflight_core::body::SEGMENT_COUNT;
+use bodyflight_core::link::{Header, LIMBS, LogPiece, MAX_FRAME_LENGTH, Message, PIECE_LENGTH};
 
+use crate::limbs;
 use crate::queue::Queue;
 
-/// Capacity of the queue. When it is full the oldest frame is dropped, so a host that does not read never blocks the
-/// unit.
-const FRAMES: usize = 24;
+/// Length of the longest answer: a stored configuration with its rows and its state.
+const ANSWER: usize = 2 + SEGMENT_COUNT + if limbs::IS_BUILT_IN { LIMBS } else { 0 };
+
+/// Capacity of the queue: that, and what else is said meanwhile. When it is full the oldest frame is dropped, so a host that
+/// does not read never blocks the unit.
+const FRAMES: usize = ANSWER + 6;
 
 /// Number of message type codes.
 const TYPES: usize = 0x19;

@@ -1,17 +1,13 @@
-//! The sensor: a line, UART1 (GP5 in), received by DMA into a ring, which goes on while the processor stops for its flash;
-//! or a chip on SPI0 (GP16 to GP19).
+//! The line of a sensor, UART1 (GP5 in): received by DMA into a ring, which goes on while the processor stops for its flash.
 
 use core::sync::atomic::{AtomicU8, Ordering};
 
-use bodyflight_firmware::sensor::icm42688::{self, Icm42688};
 use embassy_rp::Peri;
 use embassy_rp::clocks::clk_peri_freq;
-use embassy_rp::gpio::{Level, Output};
 use embassy_rp::pac::{DMA, UART1, dma};
-use embassy_rp::peripherals::{self, DMA_CH0, PIN_5, PIN_16, PIN_17, PIN_18, PIN_19, SPI0};
-use embassy_rp::spi::{self, Spi};
+use embassy_rp::peripherals::{self, DMA_CH0, PIN_5};
 use embassy_rp::uart::{self, Blocking, UartRx};
-use embassy_time::{Delay, Duration, Instant, Timer};
+use embassy_time::{Duration, Timer};
 use embedded_io_async::{ErrorType, Read};
 
 /// The channel in use.
@@ -123,27 +119,6 @@ impl Read for FromSensor {
             Timer::after(LOOK).await;
         }
     }
-}
-
-/// An inertial sensor on SPI0, as a port.
-pub(crate) type Imu = icm42688::Port<Spi<'static, SPI0, spi::Blocking>, Output<'static>, Delay>;
-
-/// Pins of the inertial sensor.
-pub(crate) struct ImuPins {
-    pub(crate) clock: Peri<'static, PIN_18>,
-    pub(crate) to_chip: Peri<'static, PIN_19>,
-    pub(crate) from_chip: Peri<'static, PIN_16>,
-    pub(crate) select: Peri<'static, PIN_17>,
-}
-
-/// Finds the inertial sensor; reading a measurement takes 15 us.
-pub(crate) async fn imu(spi: Peri<'static, SPI0>, pins: ImuPins) -> Option<Imu> {
-    let mut config = spi::Config::default();
-    config.frequency = 8_000_000;
-    let bus = Spi::new_blocking(spi, pins.clock, pins.to_chip, pins.from_chip, config);
-    let select = Output::new(pins.select, Level::High);
-    let chip = Icm42688::find(bus, select, Delay).await?;
-    Some(icm42688::Port::new(chip, || Instant::now().as_micros()))
 }
 
 /// Sets the rate of the line (baud): the divider in 64ths.

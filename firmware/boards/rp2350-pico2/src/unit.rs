@@ -5,6 +5,8 @@
 #![no_main]
 
 mod chip;
+mod flash;
+mod imu;
 mod sensor;
 
 use core::cell::RefCell;
@@ -13,6 +15,7 @@ use bodyflight_cortex_m::{count_cycles, faults, stack};
 use bodyflight_firmware::ports::{Counted, Either, LineErrors, Preferred};
 use bodyflight_firmware::recorder::storage::{EraseAhead, FlightLog};
 use bodyflight_firmware::recorder::{Block, Recorder, Until};
+use bodyflight_firmware::sensor::icm42688::{self, Icm42688};
 use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, millivolts, start};
 use bodyflight_usb_serial as usb_serial;
 use cortex_m::peripheral::DWT;
@@ -26,6 +29,7 @@ use embassy_rp::peripherals::{UART0, USB};
 use embassy_rp::uart::{self, BufferedInterruptHandler, BufferedUart};
 use embassy_rp::watchdog::Watchdog;
 use embassy_rp::{bind_interrupts, usb};
+use embassy_time::{Delay, Instant};
 use static_cell::{ConstStaticCell, StaticCell};
 
 bind_interrupts!(struct Interrupts {
@@ -86,7 +90,7 @@ impl Board for Pico2 {
 
 static UNIT: StaticCell<RefCell<Unit<Pico2>>> = StaticCell::new();
 static RECORDER: StaticCell<Recorder> = StaticCell::new();
-static LOG: StaticCell<FlightLog<'static, chip::ProgramFlash>> = StaticCell::new();
+static LOG: StaticCell<FlightLog<'static, flash::ProgramFlash>> = StaticCell::new();
 /// Blocks from the seconds before the exit is detected.
 static BLOCKS: ConstStaticCell<[Block; 48]> = ConstStaticCell::new([Block::EMPTY; 48]);
 
@@ -119,15 +123,19 @@ async fn main(spawner: Spawner) {
     let (transmitter, receiver) = host.split();
     let is_overrun = |error: &uart::Error| matches!(error, uart::Error::Overrun);
     let receiver = Counted::new(receiver, &HOST_ERRORS, is_overrun);
-    let pins = sensor::ImuPins {
+    let pins = imu::Pins {
         clock: chip.PIN_18,
         to_chip: chip.PIN_19,
         from_chip: chip.PIN_16,
-        select: chip.PIN_17,
+        select: chip.PIN_17.into(),
     };
     // A sensor on SPI is used rather than one on a line.
-    let sensor = match sensor::imu(chip.SPI0, pins).await {
-        Some(imu) => Either::First(Counted::new(imu, &SENSOR_ERRORS, |_| false)),
+    let (bus, select) = imu::bus(chip.SPI0, pins);
+    let sensor = match Icm42688::find(bus, select, Delay).await {
+        Some(imu) => {
+            let port = icm42688::Port::new(imu, || Instant::now().as_micros());
+            Either::First(Counted::new(port, &SENSOR_ERRORS, |_| false))
+        }
         None => Either::Second(Counted::new(sensor, &SENSOR_ERRORS, is_overrun)),
     };
     let (device, from_usb, to_usb) = usb_serial::start(usb::Driver::new(chip.USB, Interrupts));
@@ -137,10 +145,10 @@ async fn main(spawner: Spawner) {
     let converter = Adc::new_blocking(chip.ADC, adc::Config::default());
     let supply = RefCell::new((converter, adc::Channel::new_pin(chip.PIN_29, Pull::None)));
     let recorder = RECORDER.init_with(|| Recorder::new(BLOCKS.take()).until(Until::Canopy));
-    let flash = chip::ProgramFlash::new(chip.FLASH);
+    let flash = flash::ProgramFlash::new(chip.FLASH);
     let log = LOG.init_with(|| {
         let ahead = EraseAhead::PROGRAM_FLASH;
-        FlightLog::new(recorder, flash, chip::LOG, chip::SETUP, ahead)
+        FlightLog::new(recorder, flash, flash::LOG, flash::SETUP, ahead)
     });
     let board = Pico2 {
         watchdog,

@@ -7,6 +7,14 @@ use crate::test_flight::{configure, table};
 
 /// The states and configurations that the host hears after requests, with an end of power after `power` bytes.
 fn kept(chip: &Chip, requests: &[SetupRequest]) -> Vec<(SetupState, Option<Setup>)> {
+    kept_at_once(chip, requests.chunks(1))
+}
+
+/// The same; the requests of a group come before the memory has time for the first one.
+fn kept_at_once<'a>(
+    chip: &Chip,
+    groups: impl Iterator<Item = &'a [SetupRequest]>,
+) -> Vec<(SetupState, Option<Setup>)> {
     let recorder = Recorder::new(vec![Block::EMPTY; 8].leak());
     let heard = RefCell::new(Vec::new());
     let answer = |answer: Answer<'_>| {
@@ -16,8 +24,10 @@ fn kept(chip: &Chip, requests: &[SetupRequest]) -> Vec<(SetupState, Option<Setup
     };
     let mut storage = chip.log(&recorder);
     let mut log = core::pin::pin!(storage.run(answer));
-    for (action, record) in requests {
-        recorder.ask_setup(*action, *record);
+    for requests in groups {
+        for (action, record) in requests {
+            recorder.ask_setup(*action, *record);
+        }
         let _ = poll_once(log.as_mut());
     }
     heard.take()
@@ -66,6 +76,19 @@ fn a_configuration_is_stored_beside_the_log() {
     );
     assert_eq!(heard[0].1, Some(setup(1.89)));
     assert_eq!(heard[1].0, SetupState::Absent);
+}
+
+/// The unit stores a calibration by itself, and a host may ask what is stored before the memory has time for it.
+#[test]
+fn a_question_does_not_replace_what_is_to_be_stored() {
+    let chip = Chip::new(usize::MAX, 1);
+    let requests = [
+        (SetupAction::Store, setup(1.7).encode()),
+        (SetupAction::Read, None),
+    ];
+    let heard = kept_at_once(&chip, [&requests[..]].into_iter());
+    assert_eq!(heard, [(SetupState::Present, None)]);
+    assert_eq!(height(&chip), Some(1.7));
 }
 
 /// Power fails at every tenth byte while a configuration replaces another: one of the two is there afterwards.

@@ -14,7 +14,7 @@ use super::super::{Sensed, Sensor, reading::Reading};
 use super::*;
 use crate::test_spi::{Chip, Pins};
 
-struct Simulated {
+pub(crate) struct Simulated {
     registers: [u8; 128],
     heard: Vec<u8>,
     /// Time (us), and time of the next measurement.
@@ -25,7 +25,7 @@ struct Simulated {
 }
 
 /// A chip that measures these counts.
-fn chip(counts: [i16; 6]) -> Pins<Simulated> {
+pub(crate) fn chip(counts: [i16; 6]) -> Pins<Simulated> {
     let mut chip = Simulated {
         registers: [0; 128],
         heard: Vec::new(),
@@ -44,7 +44,7 @@ fn find<C: Chip>(pins: &Pins<C>) -> Option<Found<C>> {
 }
 
 impl Simulated {
-    fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.registers = [0; 128];
         self.registers[usize::from(IDENTITY)] = ICM_42688_P;
         // As after power-on: 1 kHz, both sensors off.

@@ -4,7 +4,7 @@
 //! Forces tell as well that thigh and shank are of different sides, but not which of them is on the wrong one: that follows
 //! from the march, which begins with the left knee and the right hand.
 
-use bodyflight_core::suit::set::{Fitted, Suit};
+use bodyflight_core::suit::set::{Fitted, Suit, pairs_of};
 use bodyflight_core::{Body, Posture, Segment};
 use nalgebra::Vector3;
 
@@ -114,8 +114,12 @@ impl Calibration<'_> {
     /// Mean mismatch of neighbours in bend and march; `None` if the poses do not show the mountings.
     fn misfit(&self, sensors: &[(Segment, &Stream)]) -> Option<f64> {
         let calibrated = calibrated(self.mapping, self.windows, sensors, self.body).ok()?;
-        let mut suit =
-            Suit::<f64, 16>::new(&calibrated.fitted, self.body, &Posture::h_pose()).ok()?;
+        let mut suit = Suit::<f64, 16, { pairs_of(16) }>::new(
+            &calibrated.fitted,
+            self.body,
+            &Posture::h_pose(),
+        )
+        .ok()?;
         let mut time = calibrated.begin_s;
         while time < calibrated.end_s {
             time += 1.0 / RATE;

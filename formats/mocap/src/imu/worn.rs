@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use bodyflight_core::suit::clock::Clocks;
-use bodyflight_core::suit::set::{SetError, Suit, SuitPosture};
+use bodyflight_core::suit::set::{SetError, Suit, SuitPosture, pairs_of};
 use bodyflight_core::{Body, Posture, Segment, SegmentArray};
 use bodyflight_io::diagnostic::{Problem, Result};
 use nalgebra::Vector3;
@@ -107,7 +107,8 @@ pub fn worn(
     let rate_hz = common_rate(sensors);
     let count = frame_count(window, rate_hz)?;
     let mut suit = Box::new(
-        Suit::<f64, 16>::new(&calibrated.fitted, body, &Posture::h_pose()).map_err(set_problem)?,
+        Suit::<f64, 16, { pairs_of(16) }>::new(&calibrated.fitted, body, &Posture::h_pose())
+            .map_err(set_problem)?,
     );
     let mut clocks = Clocks::default();
     let mut first_pose = FirstPose::new(calibrated.pelvis_up);
@@ -171,7 +172,7 @@ fn frame_count([from, to]: [f64; 2], rate_hz: f64) -> Result<f64> {
 }
 
 /// The sensors whose clocks are late by what they feel on the body.
-fn late_as_worn(suit: &Suit<f64, 16>, clocks: &Clocks<f64, 16>) -> Vec<Late> {
+fn late_as_worn(suit: &Suit<f64, 16, { pairs_of(16) }>, clocks: &Clocks<f64, 16>) -> Vec<Late> {
     let delays = suit.segments().zip(clocks.delays(suit));
     let known = delays.filter_map(|(segment, delay)| delay.map(|[by, off]| (segment, by, off)));
     clocks::worn(&known.collect::<Vec<_>>())
