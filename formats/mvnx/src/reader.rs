@@ -8,9 +8,9 @@ use super::frame::{Frame, FrameKind};
 use super::header::Header;
 use super::number;
 use super::scanner::{Scanner, Token, shortened};
-use super::source::{self, Sniffed};
+use super::source::{self, Bytes};
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_io::input::{self, Input};
+use bodyflight_io::input;
 
 /// Most calibration frames kept; MVN writes two or three.
 const CALIBRATION_LIMIT: usize = 16;
@@ -24,8 +24,8 @@ const INDEX_LIMIT: u64 = 1 << 53;
 const LONGEST_GAP: f64 = 3600.0;
 
 /// Reads a recording frame by frame, in constant memory.
-pub struct Reader<R: BufRead> {
-    scanner: Scanner<Sniffed<R>>,
+pub struct Reader<'a> {
+    scanner: Scanner<'a>,
     path: PathBuf,
     options: ReadOptions,
     header: Header,
@@ -55,7 +55,7 @@ enum FrameEnd {
     Cut,
 }
 
-impl Reader<Input> {
+impl Reader<'static> {
     /// Opens a recording, which may be compressed with gzip or xz, and reads its header and calibration.
     ///
     /// # Errors
@@ -65,12 +65,16 @@ impl Reader<Input> {
     }
 }
 
-impl<R: BufRead> Reader<R> {
+impl<'a> Reader<'a> {
     /// Reads header and calibration from any input; `path` names it in messages.
     ///
     /// # Errors
     /// Returns an error if the input cannot be read or is not a recording of version 3 or 4.
-    pub fn new(input: R, path: &Path, options: ReadOptions) -> Result<Self> {
+    pub fn new(input: impl BufRead + Send + 'a, path: &Path, options: ReadOptions) -> Result<Self> {
+        Self::of_bytes(Box::new(input), path, options)
+    }
+
+    fn of_bytes(input: Bytes<'a>, path: &Path, options: ReadOptions) -> Result<Self> {
         let is_container = path
             .extension()
             .is_some_and(|extension| extension.eq_ignore_ascii_case("mvn"));
