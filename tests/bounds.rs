@@ -72,7 +72,7 @@ const VERBS: [Verb; 11] = {
             256.0,
             30.0,
         ),
-        verb(&["view", "FLIGHT", "--out", "d.html"], Recording, 32.0, 6.0),
+        verb(&["view", "FLIGHT", "--out", "d.html"], Recording, 32.0, 2.0),
         verb(
             &["figures", "FLIGHT", "--format", "svg", "--out", "figures"],
             Recording,
