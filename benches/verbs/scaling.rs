@@ -33,6 +33,7 @@ pub(crate) fn print(program: &Program) {
     };
     let texts = |sizes: &[u32]| -> Vec<String> { sizes.iter().map(u32::to_string).collect() };
 
+    crate::table::flights(program);
     let mut long = vec![Vec::new(); 4];
     for seconds in LENGTHS {
         repeated(&program.folder, "long", "flight-0", seconds, 240);

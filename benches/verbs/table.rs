@@ -77,12 +77,16 @@ const ROWS_OF_TABLE: [Row; 14] = [
     ),
 ];
 
-/// Writes the standard inputs: two flights of the laboratory, a track and markers.
-pub(crate) fn inputs(program: &Program) {
+/// Writes two flights of the laboratory.
+pub(crate) fn flights(program: &Program) {
     program.seconds(
-        &format!("hide clean --flights 2 --duration {LENGTH} --out ."),
+        &format!("hide clean --flights 2 --duration {LENGTH} --out . --force"),
         2,
     );
+}
+
+pub(crate) fn print(program: &Program, limits: &Limits) {
+    flights(program);
     for (name, text) in [
         ("track.csv", track(ROWS)),
         ("markers.csv", markers(ROWS / 20)),
@@ -90,10 +94,6 @@ pub(crate) fn inputs(program: &Program) {
     ] {
         std::fs::write(program.folder.join(name), text).expect("written");
     }
-}
-
-pub(crate) fn print(program: &Program, limits: &Limits) {
-    inputs(program);
     println!(
         "| verb | reads (MB) | time (s) | MB/s | limit (s) | share |\n|---|---|---|---|---|---|"
     );
@@ -106,14 +106,12 @@ pub(crate) fn print(program: &Program, limits: &Limits) {
             .sum();
         let formulas = FRAMES * (row.steps * limits.step + row.filters * limits.filter);
         let limit = bytes * limits.byte + formulas;
-        let words = row
-            .arguments
-            .split(' ')
-            .filter(|word| !word.contains(['.', '/']));
-        let name: Vec<&str> = words.take_while(|word| *word != "--out").collect();
+        // The verb, and its method if it has several.
+        let name = row.arguments.split(' ').next().unwrap_or_default();
+        let is_smooth = row.arguments.contains("--method smooth");
+        let method = if is_smooth { " --method smooth" } else { "" };
         println!(
-            "| `{}` | {:.1} | {seconds:.2} | {:.0} | {limit:.3} | {:.1} % |",
-            name.join(" "),
+            "| `{name}{method}` | {:.1} | {seconds:.2} | {:.0} | {limit:.3} | {:.1} % |",
             1e-6 * bytes,
             1e-6 * bytes / seconds,
             100.0 * limit / seconds

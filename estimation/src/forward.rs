@@ -39,13 +39,13 @@ const CAUTION: f64 = 1.25;
 
 /// An instant of the flight.
 #[derive(Debug, Clone)]
-pub struct Sample {
+pub struct Sample<'a> {
     /// Time since the start (s).
     pub time: f64,
     /// Posture as recorded.
-    pub posture: Posture<f64>,
+    pub posture: &'a Posture<f64>,
     /// Motion as measured.
-    pub motion: Motion<f64>,
+    pub motion: &'a Motion<f64>,
     /// Limbs that act.
     pub muscles: MuscleModel,
     /// How actively each axis is controlled, 0 to 1.
@@ -64,11 +64,11 @@ pub struct Known {
 }
 
 /// A flight, and the trajectory about which its problem is linearized.
-pub(crate) struct Course {
+pub(crate) struct Course<'a> {
     pub(crate) dynamics: Dynamics<f64>,
     /// Known loads.
     pub(crate) applied: AppliedLoads<f64>,
-    pub(crate) samples: Vec<Sample>,
+    pub(crate) samples: Vec<Sample<'a>>,
     pub(crate) directions: JointDirections,
     /// States at the start and at the end of each interval.
     pub(crate) trajectory: Vec<FlightState<f64>>,
@@ -78,7 +78,7 @@ pub(crate) struct Course {
     pub(crate) block: usize,
 }
 
-impl Course {
+impl Course<'_> {
     /// A posture corrected by the joint errors.
     pub(crate) fn corrected(&self, posture: &Posture<f64>) -> Posture<f64> {
         self.directions.corrected(posture, &self.errors)
@@ -116,7 +116,7 @@ impl Course {
 /// A forward pass at the end of an interval, with the intervals of its block.
 #[derive(Clone)]
 struct Forward<'a> {
-    course: &'a Course,
+    course: &'a Course<'a>,
     noise: Noise<f64>,
     gate: f64,
     duration: f64,
@@ -134,7 +134,10 @@ struct Forward<'a> {
 
 impl<'a> Forward<'a> {
     /// At the start of a flight.
-    fn new(course: &'a Course, preset: &MotionPreset) -> core::result::Result<Self, SettingsError> {
+    fn new(
+        course: &'a Course<'a>,
+        preset: &MotionPreset,
+    ) -> core::result::Result<Self, SettingsError> {
         let duration = preset.duration::<f64>(STRIDE);
         let mut process = Process::<f64>::new(preset, duration)?;
         let noise = preset.noise.of::<f64>();
@@ -147,7 +150,7 @@ impl<'a> Forward<'a> {
             &process.start(&times(&noise, 10.0)),
             &ahead(&process, start),
         );
-        let posture = course.corrected(&first.posture);
+        let posture = course.corrected(first.posture);
         let mut sample = PostureSample::blank();
         course
             .dynamics
@@ -194,7 +197,7 @@ impl<'a> Forward<'a> {
             .applied
             .push(&self.dynamics, &mut pushed.motion, body, middle, duration);
         self.dynamics.muscles = end.muscles;
-        let posture = course.corrected(&end.posture);
+        let posture = course.corrected(end.posture);
         let (dynamics, process) = (&self.dynamics, &mut self.process);
         dynamics.between_into(&self.posture, &posture, duration, &mut self.sample);
         self.posture = posture;
@@ -210,16 +213,16 @@ impl<'a> Forward<'a> {
         let loads = course.directions.at(index);
         self.pass.cross(&slope, process, &gap, &loads);
         self.repeats
-            .take(&MotionMeasurement::of(&end.motion), duration);
+            .take(&MotionMeasurement::of(end.motion), duration);
         self.measure(to, end);
         self.intervals.push(self.sample);
         true
     }
 
     /// Updates with the measurements at the end of the interval, where the trajectory has this state.
-    fn measure(&mut self, state: &FlightState<f64>, end: &Sample) {
+    fn measure(&mut self, state: &FlightState<f64>, end: &Sample<'_>) {
         let prediction = Prediction::of(state, &self.sample);
-        let measured = MotionMeasurement::of(&end.motion).into();
+        let measured = MotionMeasurement::of(end.motion).into();
         for channel in 0..CHANNELS {
             if self.repeats.time(channel) > f64::from(BELIEVED) {
                 continue;
@@ -252,7 +255,7 @@ pub(crate) struct Flown<'a> {
 impl<'a> Flown<'a> {
     /// Runs the forward pass along a trajectory.
     pub(crate) fn along(
-        course: &'a Course,
+        course: &'a Course<'a>,
         preset: &MotionPreset,
     ) -> Result<core::result::Result<Self, SettingsError>> {
         let mut end = match Forward::new(course, preset) {

@@ -41,7 +41,7 @@ pub(crate) struct Run<'a> {
     pub(crate) segments: Option<SegmentArray<f64>>,
 }
 
-impl Run<'_> {
+impl<'a> Run<'a> {
     fn muscles_at(&self, time: f64) -> MuscleModel {
         let flight = &self.flight.muscles;
         let history = self.flight.inputs.as_ref();
@@ -186,7 +186,7 @@ impl Run<'_> {
         sizes: Sizes,
         states: &[FlightState<f64>],
         activity: &[[f64; 3]],
-    ) -> Whole {
+    ) -> Whole<'a> {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -203,8 +203,8 @@ impl Run<'_> {
         let begin = self.samples.first().map_or(0.0, |i| i.time);
         let samples = instants.map(|(index, instant)| Sample {
             time: instant.time - begin,
-            posture: instant.posture,
-            motion: instant.motion,
+            posture: &instant.posture,
+            motion: &instant.motion,
             muscles: self.muscles_at(instant.time),
             // The filter's first activity belongs to the second instant.
             activity: awake(index.saturating_sub(1)),

@@ -30,8 +30,8 @@ const ITERATIONS: usize = 4;
 const STAYS: f32 = 0.25;
 
 /// A flight as one problem.
-pub struct Whole {
-    course: Course,
+pub struct Whole<'a> {
+    course: Course<'a>,
     assumed: Assumed,
 }
 
@@ -44,7 +44,7 @@ pub struct Solution {
     pub size: Size,
 }
 
-impl Whole {
+impl<'a> Whole<'a> {
     /// Takes the possible sizes of the joint errors, the errors of segments as multiples of that size, if there are any, the
     /// samples of a flight, beginning with the start, and the filter's states at the end of each interval.
     pub fn new(
@@ -52,18 +52,16 @@ impl Whole {
         sizes: Sizes,
         (dynamics, applied): (&Dynamics<f64>, &AppliedLoads<f64>),
         segments: Option<SegmentArray<f64>>,
-        samples: Vec<Sample>,
+        samples: Vec<Sample<'a>>,
         states: &[FlightState<f64>],
     ) -> Self {
-        let flight = samples
-            .iter()
-            .map(|sample| (&sample.posture, &sample.motion));
+        let flight = samples.iter().map(|sample| (sample.posture, sample.motion));
         let directions = JointDirections::new(dynamics, segments, flight);
         let mut trajectory = Vec::with_capacity(states.len() + 1);
         if let (Some(first), Some(sample)) = (states.first(), samples.first()) {
             let motion = bodyflight_core::dynamics::State::from_motion(
-                &sample.motion,
-                &dynamics.hold(&sample.posture),
+                sample.motion,
+                &dynamics.hold(sample.posture),
             );
             trajectory.push(FlightState { motion, ..*first });
         }
@@ -141,8 +139,8 @@ impl Whole {
         for (known, sample) in known.iter_mut().zip(samples) {
             let motion = known.motion;
             let mut load = |posture| load(&course.dynamics, posture, &motion, &mut place);
-            let corrected = course.corrected(&sample.posture);
-            let difference = load(&corrected) - load(&sample.posture);
+            let corrected = course.corrected(sample.posture);
+            let difference = load(&corrected) - load(sample.posture);
             let residual = &mut known.state.inputs.residual;
             residual.force.components += difference.fixed_rows::<3>(0);
             residual.moment.components += difference.fixed_rows::<3>(3);
@@ -195,15 +193,14 @@ mod tests {
     use bodyflight_core::dynamics::step::TIME_STEP;
     use bodyflight_core::dynamics::{Inputs, Motion, State};
     use bodyflight_core::estimator::motion::settings::MOTION;
+    use bodyflight_core::flight_sample::FlightSample;
     use bodyflight_core::frame::Vector;
     use bodyflight_core::maneuver::Maneuver;
 
     use super::*;
 
-    /// A second of turns.
-    fn turns() -> Whole {
-        let person = Person::new(1.75, 75.0, Sex::Male);
-        let dynamics = Dynamics::<f64>::paper(person.body().unwrap(), 1.0);
+    /// The samples of a second of turns, and the state at every second one.
+    fn turns(dynamics: &Dynamics<f64>) -> (Vec<FlightSample>, Vec<FlightState<f64>>) {
         let maneuver = Maneuver::from_name("rotations").unwrap();
         let inputs = Inputs::belly_turn();
         let inertial_from_body = maneuver.start_attitude();
@@ -224,23 +221,32 @@ mod tests {
                     states.push(FlightState { motion, inputs });
                 }
             }
-            Sample {
+            FlightSample {
                 time: f64::from(k) * TIME_STEP,
                 posture: posture(k),
                 motion: if k > 0 { motion.motion(&sample) } else { start },
-                muscles: BACK_TRACKING,
-                activity: [0.0; 3],
             }
         });
-        let samples: Vec<Sample> = samples.collect();
-        let model = (&dynamics, &AppliedLoads::none());
-        Whole::new(&MOTION, Sizes::any(), model, None, samples, &states)
+        (samples.collect(), states)
     }
 
     #[test]
     fn blocks_change_no_bit() {
+        let person = Person::new(1.75, 75.0, Sex::Male);
+        let dynamics = Dynamics::<f64>::paper(person.body().unwrap(), 1.0);
+        let (flown, states) = turns(&dynamics);
+        let samples = flown.iter().map(|sample| Sample {
+            time: sample.time,
+            posture: &sample.posture,
+            motion: &sample.motion,
+            muscles: BACK_TRACKING,
+            activity: [0.0; 3],
+        });
+        let samples: Vec<Sample<'_>> = samples.collect();
+        let model = (&dynamics, &AppliedLoads::none());
         let solved = |block: usize| {
-            let mut whole = turns();
+            let samples = samples.clone();
+            let mut whole = Whole::new(&MOTION, Sizes::any(), model, None, samples, &states);
             whole.course.block = block;
             let solution = whole.solve().unwrap().unwrap();
             let each = solution.known.iter();
