@@ -193,13 +193,9 @@ fn motion(lines: &mut Lines<'_>, channels: usize) -> Result<(f64, Vec<f64>)> {
             ))
             .help("it is in seconds: 0.0083333 for 120 frames per second"));
     }
-    let mut values = Vec::new();
     // Each number takes two bytes at least, whatever number of frames the file states.
-    values.reserve(
-        frames
-            .saturating_mul(channels)
-            .min(lines.rest.len() / 2 + 1),
-    );
+    let most = lines.rest.len() / 2 + 1;
+    let mut values = Vec::with_capacity(frames.saturating_mul(channels).min(most));
     let mut read = 0;
     while let Some(line) = lines.next()? {
         let (mut count, before) = (0, values.len());

@@ -100,9 +100,7 @@ impl<'a> Reader<'a> {
             state: State::InFrames,
         };
         let mut frame = Frame::default();
-        if reader.advance(&mut frame)? {
-            reader.first = Some(frame);
-        }
+        reader.first = reader.advance(&mut frame)?.then_some(frame);
         Ok(reader)
     }
 
@@ -197,9 +195,8 @@ impl<'a> Reader<'a> {
                     if frame.kind == FrameKind::Normal {
                         self.place(frame, index.as_deref())?;
                     }
-                    match self.read_fields(frame)? {
-                        FrameEnd::Cut => return self.cut(),
-                        FrameEnd::Whole => {}
+                    if let FrameEnd::Cut = self.read_fields(frame)? {
+                        return self.cut();
                     }
                     match frame.kind {
                         FrameKind::Normal => {
@@ -253,9 +250,9 @@ impl<'a> Reader<'a> {
         } else {
             return Ok(());
         };
-        let (found, last) = (frame.index, next - 1);
+        let found = frame.index;
         Err(
-            Problem::bad_input(format!("frame index {found} follows {last}: {wrong}"))
+            Problem::bad_input(format!("frame index {found} follows {}: {wrong}", next - 1))
                 .at_line(frame.line)
                 .at(format!("frame {found}"))
                 .help("export the recording again; files joined by hand need new indices"),
@@ -387,9 +384,8 @@ impl<'a> Reader<'a> {
             let outermost = self.scanner.depth() == 0;
             match self.scanner.next()? {
                 Token::Start(_) if outermost => {
-                    let problem = self
-                        .scanner
-                        .problem("a second document follows the recording");
+                    let message = "a second document follows the recording";
+                    let problem = self.scanner.problem(message);
                     return Err(problem.help("write each recording to a file of its own"));
                 }
                 Token::Start(element)
