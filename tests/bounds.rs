@@ -7,6 +7,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use bodyflight_tests::long_recording::repeated;
 use bodyflight_tests::text_inputs::{MAPPING, markers, track};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_bodyflight");
@@ -71,7 +72,7 @@ const VERBS: [Verb; 11] = {
             256.0,
             30.0,
         ),
-        verb(&["view", "FLIGHT", "--out", "d.html"], Recording, 32.0, 6.0),
+        verb(&["view", "FLIGHT", "--out", "d.html"], Recording, 32.0, 2.0),
         verb(
             &["figures", "FLIGHT", "--format", "svg", "--out", "figures"],
             Recording,
@@ -115,38 +116,6 @@ const VERBS: [Verb; 11] = {
         ),
     ]
 };
-
-/// A recording that is a flight of the laboratory again and again, with its frames counted on.
-fn repeated(folder: &Path, name: &str, from: &str, seconds: u32) {
-    use std::io::Write;
-    let text = std::fs::read_to_string(folder.join(from).join("flight.mvnx")).expect("a recording");
-    let normal = text.find("type=\"normal\"").expect("frames");
-    let begin = text[..normal].rfind("<frame ").expect("a frame");
-    let end = text.rfind("</frame>").expect("a frame") + "</frame>".len();
-    let frames: Vec<&str> = text[begin..end]
-        .split_inclusive("</frame>")
-        .map(str::trim)
-        .collect();
-    let into = folder.join(name);
-    std::fs::create_dir_all(&into).expect("created");
-    for file in ["flight.toml", "subject.toml"] {
-        std::fs::copy(folder.join(from).join(file), into.join(file)).expect("copied");
-    }
-    let file = std::fs::File::create(into.join("flight.mvnx")).expect("created");
-    let mut file = std::io::BufWriter::new(file);
-    file.write_all(&text.as_bytes()[..begin]).expect("written");
-    for (index, frame) in (0..seconds * RATE).zip(frames.iter().cycle()) {
-        let inside = &frame[frame.find('>').expect("a tag")..];
-        let time = f64::from(index) * 1000.0 / f64::from(RATE);
-        writeln!(
-            file,
-            "<frame time=\"{time:.0}\" index=\"{index}\" type=\"normal\"{inside}"
-        )
-        .expect("written");
-    }
-    file.write_all(&text.as_bytes()[end..]).expect("written");
-    file.flush().expect("written");
-}
 
 /// Peak memory (MB) of a process that runs to its end.
 fn peak(child: &mut Child) -> f64 {
@@ -246,7 +215,7 @@ fn memory_stays_within_what_is_stated() {
         .status();
     assert!(flown.expect("it starts").success());
     for (name, from) in [("long", "flight-0"), ("other", "flight-1")] {
-        repeated(folder, name, from, seconds);
+        repeated(folder, name, from, seconds, RATE);
     }
     let rows = if seconds < 1000 { 50_000 } else { 1_000_000 };
     let texts = [

@@ -1,6 +1,6 @@
 //! Memory use while reading, in a separate process so that the peak is the reader's.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufReader, Read};
 use std::path::Path;
 
 use bodyflight_core::Posture;
@@ -161,7 +161,6 @@ fn memory_does_not_grow_with_the_recording() {
 fn one_huge_event_is_refused_before_it_fills_memory() {
     let head = b"<?xml version=\"1.0\"?><mvnx version=\"4\"><comment>".as_slice();
     let input = BufReader::new(head.chain(std::io::repeat(b'a').take(200_000_000)));
-    let input: Box<dyn BufRead> = Box::new(input);
     let problem = Recording::new(input, Path::new("huge.mvnx"), Options::default()).err();
     let problem = problem.expect("refused").to_string();
     assert!(problem.contains("huge.mvnx"), "{problem}");

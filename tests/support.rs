@@ -4,6 +4,7 @@ pub mod arm_swing;
 pub mod estimator_flights;
 pub mod fuzz_targets;
 pub mod greeting;
+pub mod long_recording;
 pub mod program;
 pub mod range_watch;
 pub mod small_recording;

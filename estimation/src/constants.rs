@@ -16,6 +16,7 @@ pub type Constants = SVector<f64, CONSTANTS>;
 type Square = SMatrix<f64, CONSTANTS, CONSTANTS>;
 
 /// Sums over innovations, for least squares.
+#[derive(Clone)]
 pub struct Information {
     square: Square,
     seen: Constants,

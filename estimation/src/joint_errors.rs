@@ -8,10 +8,10 @@ use bodyflight_core::estimator::motion::state::Difference;
 use bodyflight_core::estimator::motion::update::Innovation;
 use bodyflight_core::estimator::reduced::Reduced;
 
+use crate::forward::STRIDE;
 use crate::report::{JointErrorSource, Report};
 use crate::run::Run;
 use crate::size::{Size, Sizes};
-use crate::whole;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::progress;
 
@@ -103,7 +103,7 @@ fn constant(run: &Run<'_>, preset: &MotionPreset) -> Result<Option<Size>> {
         |_, _| (),
         |index, filter, _| {
             activity.push(filter.activity());
-            if (index + 1).is_multiple_of(whole::STRIDE) {
+            if (index + 1).is_multiple_of(STRIDE) {
                 states.push(*filter.state());
             }
         },

@@ -2,11 +2,12 @@
 //! do. The paper makes the same comparison.
 //!
 //! [`request`] chooses the filter: that of the paper over windows ([`windows`]), or the motion filter ([`motion`]), from
-//! whose result a solution for the whole flight ([`whole`], [`smoother`]) can start. [`verdict`] judges the result.
+//! whose result a solution for the whole flight ([`whole`], [`forward`], [`smoother`]) can start. [`verdict`] judges the result.
 #![forbid(unsafe_code)]
 
 pub mod assumed;
 pub mod constants;
+pub mod forward;
 mod joint_errors;
 pub mod joints;
 pub mod measured;

@@ -14,10 +14,11 @@ use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::propagation::Propagation;
 use bodyflight_core::flight_sample::FlightSample;
 
+use crate::forward::{STRIDE, Sample};
 use crate::report::{Flags, Point, Watched};
 use crate::size::Sizes;
 use crate::verdict::Collector;
-use crate::whole::{self, Sample, Whole};
+use crate::whole::Whole;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::progress;
 use bodyflight_replay::flight::Flight;
@@ -40,7 +41,7 @@ pub(crate) struct Run<'a> {
     pub(crate) segments: Option<SegmentArray<f64>>,
 }
 
-impl Run<'_> {
+impl<'a> Run<'a> {
     fn muscles_at(&self, time: f64) -> MuscleModel {
         let flight = &self.flight.muscles;
         let history = self.flight.inputs.as_ref();
@@ -113,7 +114,7 @@ impl Run<'_> {
             |_, _| (),
             |index, filter, estimate| {
                 activity.push(filter.activity().map(Real::to_f64));
-                if (index + 1).is_multiple_of(whole::STRIDE) {
+                if (index + 1).is_multiple_of(STRIDE) {
                     states.push(filter.state().cast());
                 }
                 let (Some(estimate), Some(instant)) = (estimate, self.samples.get(index + 1))
@@ -126,7 +127,7 @@ impl Run<'_> {
                 last = instant.time;
                 flags.count_faults(estimate.faults);
                 let deviation = estimate.deviation.map(Real::to_f64);
-                places.push((index + 1) / whole::STRIDE);
+                places.push((index + 1) / STRIDE);
                 points.push(Point {
                     normalised_innovation: estimate.normalised_innovation.to_f64(),
                     consistency: Some(consistency),
@@ -185,7 +186,7 @@ impl Run<'_> {
         sizes: Sizes,
         states: &[FlightState<f64>],
         activity: &[[f64; 3]],
-    ) -> Whole {
+    ) -> Whole<'a> {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -202,8 +203,8 @@ impl Run<'_> {
         let begin = self.samples.first().map_or(0.0, |i| i.time);
         let samples = instants.map(|(index, instant)| Sample {
             time: instant.time - begin,
-            posture: instant.posture,
-            motion: instant.motion,
+            posture: &instant.posture,
+            motion: &instant.motion,
             muscles: self.muscles_at(instant.time),
             // The filter's first activity belongs to the second instant.
             activity: awake(index.saturating_sub(1)),

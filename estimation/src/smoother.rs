@@ -28,6 +28,7 @@ use crate::joints::{DIRECTIONS, Loads};
 type Effect = SMatrix<f64, STATES, CONSTANTS>;
 
 /// A measured channel that was used in an update.
+#[derive(Clone)]
 struct Taken {
     slope: SVector<f64, 9>,
     spread: Difference<f64>,
@@ -38,6 +39,7 @@ struct Taken {
 }
 
 /// An interval of the forward pass.
+#[derive(Clone)]
 struct Step {
     slope: MotionSlope<f64>,
     decay: SVector<f64, INPUT_STATES>,
@@ -50,8 +52,10 @@ struct Step {
     effect: Effect,
 }
 
-/// The forward and the backward pass along a trajectory.
+/// The forward pass along a trajectory.
+#[derive(Clone)]
 pub struct Pass {
+    /// The intervals since the start, or since [`Pass::forget`].
     steps: Vec<Step>,
     difference: Difference<f64>,
     covariance: Covariance<f64>,
@@ -245,27 +249,54 @@ impl Pass {
         &self.information
     }
 
-    /// Runs backward over the flight. Returns smoothed estimates at the start and at the end of each interval, and
-    /// scores of the noises.
-    pub fn smoothed(&self, constants: &Found) -> (Vec<Smoothed>, Scores) {
-        let mut adjoint = Adjoint {
-            value: Difference::zeros(),
-            information: Covariance::zeros(),
-            effect: Effect::zeros(),
-        };
-        let mut scores = Scores::default();
-        let mut smoothed = Vec::new();
-        for step in self.steps.iter().rev() {
-            smoothed.push(step.smoothed(&adjoint, constants));
-            for taken in step.taken.iter().rev() {
-                taken.back(&mut adjoint, &constants.errors);
-            }
-            step.score(&adjoint, constants, &mut scores);
-            step.back(&mut adjoint);
+    /// Forgets the intervals so far, which a copy of the pass from before them can cross again.
+    pub fn forget(&mut self) {
+        self.steps.clear();
+    }
+}
+
+/// The backward pass, from the end of the flight.
+pub struct Backward<'a> {
+    constants: &'a Found,
+    adjoint: Adjoint,
+    scores: Scores,
+}
+
+impl<'a> Backward<'a> {
+    /// Starts at the end of the flight.
+    pub fn new(constants: &'a Found) -> Self {
+        Self {
+            constants,
+            adjoint: Adjoint {
+                value: Difference::zeros(),
+                information: Covariance::zeros(),
+                effect: Effect::zeros(),
+            },
+            scores: Scores::default(),
         }
-        smoothed.reverse();
-        scores.each.reverse();
-        (smoothed, scores)
+    }
+
+    /// Runs backward over the intervals that a forward pass holds. Returns smoothed estimates at the end of each, the last
+    /// first.
+    pub fn over(&mut self, pass: &Pass) -> Vec<Smoothed> {
+        let (adjoint, constants) = (&mut self.adjoint, self.constants);
+        let steps = pass.steps.iter().rev();
+        let smoothed = steps.map(|step| {
+            let smoothed = step.smoothed(adjoint, constants);
+            for taken in step.taken.iter().rev() {
+                taken.back(adjoint, &constants.errors);
+            }
+            step.score(adjoint, constants, &mut self.scores);
+            step.back(adjoint);
+            smoothed
+        });
+        smoothed.collect()
+    }
+
+    /// Scores of the noises, at the start of the flight.
+    pub fn scores(mut self) -> Scores {
+        self.scores.each.reverse();
+        self.scores
     }
 }
 

@@ -200,7 +200,8 @@ pub fn utf_8(bytes: Vec<u8>, path: &Path) -> Result<String> {
 /// # Errors
 /// Returns an error if the file cannot be read or is larger than 256 MiB.
 pub fn bytes(path: &Path) -> Result<Vec<u8>> {
-    limited(open(path)?, path, LARGEST_WHOLE)
+    let size = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
+    limited_of(size, open(path)?, path, LARGEST_WHOLE)
 }
 
 fn limited(input: impl Read, path: &Path, limit: u64) -> Result<Vec<u8>> {

@@ -6,7 +6,6 @@ use std::path::Path;
 use bodyflight_core::Body;
 use bodyflight_falls::channels::checked;
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_io::input::Input;
 use bodyflight_mvnx::recording::{FlightFrame, Options, Recording, Warning, faults};
 
 use crate::gnss::{Alignment, aligned};
@@ -15,7 +14,7 @@ use crate::support::Support;
 
 /// A flight's recording, frame by frame.
 pub struct Frames {
-    recording: Recording<Input>,
+    recording: Recording<'static>,
     alignment: Option<Alignment>,
     /// What the recording says against the person of the flight.
     other_person: Vec<Warning>,
@@ -153,7 +152,7 @@ impl Frames {
 }
 
 impl Deref for Frames {
-    type Target = Recording<Input>;
+    type Target = Recording<'static>;
 
     fn deref(&self) -> &Self::Target {
         &self.recording

@@ -178,7 +178,7 @@ pub fn inspect(path: &Path, person: Option<&Body<f64>>) -> Result<Report> {
 ///
 /// # Errors
 /// Returns an error if the input cannot be read or is not a recording.
-pub fn inspect_input<R: BufRead>(input: R, path: &Path) -> Result<Report> {
+pub fn inspect_input(input: impl BufRead + Send, path: &Path) -> Result<Report> {
     Ok(inspect_reader(Reader::new(input, path, options())?)?.0)
 }
 
@@ -190,7 +190,7 @@ fn options() -> ReadOptions {
 }
 
 /// What is in a file, and what contradicts its accelerations.
-fn inspect_reader<R: BufRead>(mut reader: Reader<R>) -> Result<(Report, Option<Warning>)> {
+fn inspect_reader(mut reader: Reader<'_>) -> Result<(Report, Option<Warning>)> {
     let skeleton = Skeleton::of(reader.header());
     let pelvis = reader.header().segment_index("Pelvis");
     let mut survey = Survey::new(reader.header().frame_rate);

@@ -3,6 +3,8 @@
 //! A logger can write a channel late, by filters and queues, but not early. So the later of two channels is the wrong
 //! one, and is moved back.
 
+use std::cell::Cell;
+
 use super::compare::{Channel, Finding, Remedy, displacements};
 use crate::{Sample, longest_step};
 
@@ -30,15 +32,42 @@ const LEFT: f64 = 0.4;
 const CLIPPED: f64 = 8.0;
 
 /// A channel over time that is interpolated, and nowhere across missing fixes.
-struct Line {
-    times: Vec<f64>,
+struct Line<'a> {
+    times: &'a [f64],
     values: Vec<f64>,
     gap: f64,
+    /// Where the last value was found, since the next one is near.
+    near: Cell<usize>,
 }
 
-impl Line {
+/// The first place whose time is not before `time`, sought from the place `near` in steps that double.
+fn first_from(times: &[f64], time: f64, near: usize) -> usize {
+    let (mut low, mut high) = (near, near);
+    let mut step = 1;
+    while low > 0 && times[low - 1] >= time {
+        low = low.saturating_sub(step);
+        step *= 2;
+    }
+    while high < times.len() && times[high] < time {
+        high = (high + step).min(times.len());
+        step *= 2;
+    }
+    low + times[low..high].partition_point(|own| *own < time)
+}
+
+impl<'a> Line<'a> {
+    const fn new(times: &'a [f64], values: Vec<f64>, gap: f64) -> Self {
+        Self {
+            times,
+            values,
+            gap,
+            near: Cell::new(0),
+        }
+    }
+
     fn at(&self, time: f64) -> Option<f64> {
-        let next = self.times.partition_point(|own| *own < time);
+        let next = first_from(self.times, time, self.near.get());
+        self.near.set(next);
         let before = next.checked_sub(1)?;
         let (from, to) = (self.times[before], *self.times.get(next)?);
         if to - from > self.gap {
@@ -50,21 +79,17 @@ impl Line {
 }
 
 /// One axis: positions, velocities, and the integral of these.
-struct Axis {
-    places: Line,
-    speeds: Line,
-    displacements: Line,
+struct Axis<'a> {
+    places: Line<'a>,
+    speeds: Line<'a>,
+    displacements: Line<'a>,
 }
 
-impl Axis {
-    fn new(samples: &[Sample], axis: usize) -> Self {
+impl<'a> Axis<'a> {
+    /// From samples and their times.
+    fn new(samples: &[Sample], times: &'a [f64], axis: usize) -> Self {
         let gap = longest_step(samples);
-        let times: Vec<f64> = samples.iter().map(|sample| sample.time).collect();
-        let line = |values: Vec<f64>| Line {
-            times: times.clone(),
-            values,
-            gap,
-        };
+        let line = |values: Vec<f64>| Line::new(times, values, gap);
         Self {
             places: line(samples.iter().map(|sample| sample.position[axis]).collect()),
             speeds: line(samples.iter().map(|sample| sample.velocity[axis]).collect()),
@@ -85,7 +110,7 @@ impl Axis {
     /// number.
     fn misfit(&self, times: &[f64], lag: f64) -> (f64, usize) {
         let off = |time: &f64| {
-            let displacement = |line: &Line, lag: f64| {
+            let displacement = |line: &Line<'_>, lag: f64| {
                 Some(line.at(time + lag + HALF)? - line.at(time + lag - HALF)?)
             };
             let off = displacement(&self.places, 0.0)? - displacement(&self.displacements, lag)?;
@@ -116,8 +141,8 @@ pub(super) fn checked(
         (places, places.name(), velocities.name())
     };
     let gap = longest_step(samples);
+    let times: Vec<f64> = samples.iter().map(|sample| sample.time).collect();
     for &axis in axes {
-        let times = samples.iter().map(|sample| sample.time).collect();
         let value = |sample: &Sample| {
             if lag > 0.0 {
                 sample.velocity[axis]
@@ -125,11 +150,7 @@ pub(super) fn checked(
                 sample.position[axis]
             }
         };
-        let line = Line {
-            times,
-            values: samples.iter().map(value).collect(),
-            gap,
-        };
+        let line = Line::new(&times, samples.iter().map(value).collect(), gap);
         for sample in samples.iter_mut() {
             // Where the later value is missing, at the end, the last one moves on.
             if let Some(moved) = line.at(sample.time + lag.abs()) {
@@ -156,9 +177,10 @@ pub(super) fn checked(
 
 /// The lag (s) that the motion shows clearly.
 fn lag(samples: &[Sample], axes: &[usize]) -> Option<f64> {
-    let lines: Vec<(Axis, Vec<f64>)> = axes
+    let times: Vec<f64> = samples.iter().map(|sample| sample.time).collect();
+    let lines: Vec<(Axis<'_>, Vec<f64>)> = axes
         .iter()
-        .map(|axis| Axis::new(samples, *axis))
+        .map(|axis| Axis::new(samples, &times, *axis))
         .map(|line| {
             let changes = line.changes();
             (line, changes)
@@ -197,4 +219,24 @@ fn lag(samples: &[Sample], axes: &[usize]) -> Option<f64> {
     let (lag, least) = (tried.iter().copied()).min_by(|a, b| a.1.total_cmp(&b.1))?;
     let is_inside = lag.abs() < LAGS - 0.5 * STEP;
     (is_inside && lag.abs() >= LATE && least < LEFT * misfit(0.0)?).then_some(lag)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_found_from_anywhere() {
+        let times = [0.0, 1.0, 1.0, 2.0, 5.0, 9.0, 9.5];
+        for near in 0..=times.len() {
+            for time in [-1.0, 0.0, 0.5, 1.0, 1.5, 2.0, 8.0, 9.0, 9.2, 9.5, 10.0] {
+                let found = first_from(&times, time, near);
+                assert_eq!(
+                    found,
+                    times.partition_point(|own| *own < time),
+                    "{near}, {time}"
+                );
+            }
+        }
+    }
 }

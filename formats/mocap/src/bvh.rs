@@ -2,14 +2,12 @@
 //!
 //! A rotation channel rotates about an axis of the joint.
 
-use std::io::BufRead;
-
 use nalgebra::Vector3;
 
 use crate::timing;
 use crate::tree::{Channel, Joint, Tree};
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_io::text::decimal;
+use bodyflight_io::text::{self, decimal};
 
 /// Most joints in a file, and most channels of a joint, that are accepted.
 const JOINT_LIMIT: usize = 10_000;
@@ -36,35 +34,29 @@ pub(crate) fn parse(text: &[u8]) -> Result<Tree> {
 const LONGEST_FRAME: f64 = 1.0;
 
 /// Lines with their numbers; blank lines are skipped.
-struct Lines<R> {
-    input: R,
-    line: String,
+struct Lines<'a> {
+    rest: &'a [u8],
     number: u64,
 }
 
-impl<R: BufRead> Lines<R> {
-    fn new(input: R) -> Self {
-        Self {
-            input,
-            line: String::new(),
-            number: 0,
-        }
+impl<'a> Lines<'a> {
+    fn new(rest: &'a [u8]) -> Self {
+        Self { rest, number: 0 }
     }
 
     /// The next line, `None` at the end.
-    fn next(&mut self) -> Result<Option<&str>> {
-        loop {
-            self.line.clear();
-            let read = self.input.read_line(&mut self.line);
-            if read.map_err(|error| Problem::bad_input("not a text file").caused_by(error))? == 0 {
-                return Ok(None);
-            }
-            self.number += 1;
-            if !self.line.trim().is_empty() {
-                break;
+    fn next(&mut self) -> Result<Option<&'a str>> {
+        while !self.rest.is_empty() {
+            let end = memchr::memchr(b'\n', self.rest).map_or(self.rest.len(), |at| at + 1);
+            let (line, rest) = self.rest.split_at(end);
+            (self.rest, self.number) = (rest, self.number + 1);
+            let line = core::str::from_utf8(line)
+                .map_err(|error| self.problem("not a text file").caused_by(error))?;
+            if !line.trim().is_empty() {
+                return Ok(Some(line));
             }
         }
-        Ok(Some(&self.line))
+        Ok(None)
     }
 
     /// The words of the next line; at the end of the file, an error that says what was expected.
@@ -83,7 +75,7 @@ impl<R: BufRead> Lines<R> {
     }
 }
 
-fn hierarchy(lines: &mut Lines<impl BufRead>) -> Result<(Vec<Joint>, usize)> {
+fn hierarchy(lines: &mut Lines<'_>) -> Result<(Vec<Joint>, usize)> {
     let first = lines.expect("HIERARCHY")?;
     if first.first().map(String::as_str) != Some("HIERARCHY") {
         return Err(lines
@@ -152,7 +144,7 @@ fn innermost<'a>(open: &[Option<usize>], joints: &'a mut [Joint]) -> Option<&'a 
     joints.get_mut(open.last().copied().flatten()?)
 }
 
-fn channel(lines: &Lines<impl BufRead>, name: &str) -> Result<Channel> {
+fn channel(lines: &Lines<'_>, name: &str) -> Result<Channel> {
     let axis = ["X", "Y", "Z"]
         .iter()
         .position(|axis| name.starts_with(axis));
@@ -170,12 +162,12 @@ fn parsed(text: &str) -> Option<f64> {
     decimal(text).filter(|number| number.is_finite())
 }
 
-fn number(lines: &Lines<impl BufRead>, text: &str) -> Result<f64> {
+fn number(lines: &Lines<'_>, text: &str) -> Result<f64> {
     parsed(text).ok_or_else(|| lines.problem(format!("expected a number, found \"{text}\"")))
 }
 
 /// Frames per second (Hz), and the numbers of all frames.
-fn motion(lines: &mut Lines<impl BufRead>, channels: usize) -> Result<(f64, Vec<f64>)> {
+fn motion(lines: &mut Lines<'_>, channels: usize) -> Result<(f64, Vec<f64>)> {
     let words = lines.expect("\"Frames:\" and a number")?;
     let frames: Option<usize> = match &words[..] {
         [word, count] if word == "Frames:" => count.parse().ok(),
@@ -201,13 +193,15 @@ fn motion(lines: &mut Lines<impl BufRead>, channels: usize) -> Result<(f64, Vec<
             ))
             .help("it is in seconds: 0.0083333 for 120 frames per second"));
     }
-    let mut values = Vec::new();
+    // Each number takes two bytes at least, whatever number of frames the file states.
+    let most = lines.rest.len() / 2 + 1;
+    let mut values = Vec::with_capacity(frames.saturating_mul(channels).min(most));
     let mut read = 0;
     while let Some(line) = lines.next()? {
         let (mut count, before) = (0, values.len());
-        for word in line.split_ascii_whitespace() {
+        for number in text::numbers(line) {
             count += 1;
-            values.extend(parsed(word));
+            values.extend(number.ok().or_else(|| parsed(number.err()?)));
         }
         if values.len() - before != count {
             return Err(lines

@@ -1,7 +1,5 @@
 //! The header of a recording, before its frames: version, subject, skeleton, sensors.
 
-use std::io::BufRead;
-
 use nalgebra::Vector3;
 
 use super::number;
@@ -96,7 +94,7 @@ impl Header {
     }
 
     /// Reads up to and including the start of `<frames>`.
-    pub(super) fn read<R: BufRead>(scanner: &mut Scanner<R>) -> Result<Self> {
+    pub(super) fn read(scanner: &mut Scanner<'_>) -> Result<Self> {
         let mut header = Self::default();
         read_root(scanner, &mut header)?;
         let mut segment_count = None;
@@ -236,7 +234,7 @@ impl Header {
 }
 
 /// Reads the root element and its version.
-fn read_root<R: BufRead>(scanner: &mut Scanner<R>, header: &mut Header) -> Result<()> {
+fn read_root(scanner: &mut Scanner<'_>, header: &mut Header) -> Result<()> {
     const SUPPORTED: &str = "export the recording as MVNX version 3 (v3) or 4 (v4)";
     let mut version = None;
     let element = loop {
@@ -282,7 +280,7 @@ fn read_root<R: BufRead>(scanner: &mut Scanner<R>, header: &mut Header) -> Resul
     Ok(())
 }
 
-fn segments<R: BufRead>(scanner: &mut Scanner<R>) -> Result<Vec<SegmentDefinition>> {
+fn segments(scanner: &mut Scanner<'_>) -> Result<Vec<SegmentDefinition>> {
     list(scanner, "segment", |scanner, label| {
         let mut points = Vec::new();
         loop {
@@ -301,7 +299,7 @@ fn segments<R: BufRead>(scanner: &mut Scanner<R>) -> Result<Vec<SegmentDefinitio
 }
 
 /// Reads a point: `<pos_s>` in version 3, `<pos_b>` in version 4.
-fn point<R: BufRead>(scanner: &mut Scanner<R>, label: String) -> Result<PointDefinition> {
+fn point(scanner: &mut Scanner<'_>, label: String) -> Result<PointDefinition> {
     let mut position = None;
     loop {
         match scanner.next()? {
@@ -332,7 +330,7 @@ fn point<R: BufRead>(scanner: &mut Scanner<R>, label: String) -> Result<PointDef
     }
 }
 
-fn joints<R: BufRead>(scanner: &mut Scanner<R>) -> Result<Vec<JointDefinition>> {
+fn joints(scanner: &mut Scanner<'_>) -> Result<Vec<JointDefinition>> {
     list(scanner, "joint", |scanner, label| {
         let mut connectors = [String::new(), String::new()];
         loop {
@@ -351,7 +349,7 @@ fn joints<R: BufRead>(scanner: &mut Scanner<R>) -> Result<Vec<JointDefinition>> 
     })
 }
 
-fn labels<R: BufRead>(scanner: &mut Scanner<R>, entry: &str) -> Result<Vec<String>> {
+fn labels(scanner: &mut Scanner<'_>, entry: &str) -> Result<Vec<String>> {
     list(scanner, entry, |scanner, label| {
         pass(scanner)?;
         Ok(label)
@@ -359,10 +357,10 @@ fn labels<R: BufRead>(scanner: &mut Scanner<R>, entry: &str) -> Result<Vec<Strin
 }
 
 /// The entries named `entry` of the element that just started; `read` reads each up to its end.
-fn list<R: BufRead, T>(
-    scanner: &mut Scanner<R>,
+fn list<T>(
+    scanner: &mut Scanner<'_>,
     entry: &str,
-    mut read: impl FnMut(&mut Scanner<R>, String) -> Result<T>,
+    mut read: impl FnMut(&mut Scanner<'_>, String) -> Result<T>,
 ) -> Result<Vec<T>> {
     let mut entries = Vec::new();
     loop {
@@ -391,7 +389,7 @@ fn list<R: BufRead, T>(
 }
 
 /// Skips an element in the header.
-fn pass<R: BufRead>(scanner: &mut Scanner<R>) -> Result<()> {
+fn pass(scanner: &mut Scanner<'_>) -> Result<()> {
     if scanner.skip_element()? {
         Ok(())
     } else {

@@ -1,5 +1,7 @@
 //! Numbers in MVNX: decimal, separated by white space.
 
+use bodyflight_io::text;
+
 use super::scanner::shortened;
 
 /// Largest difference from 1 of the norm of a segment's quaternion; six decimals give 2e-6.
@@ -10,29 +12,24 @@ const NORM_TOLERANCE: f64 = 0.01;
 /// Returns how many numbers there were, or a message about the first token that is not a finite number.
 pub(super) fn append(text: &str, capacity: usize, numbers: &mut Vec<f64>) -> Result<usize, String> {
     let mut count = 0;
-    for token in text.split_ascii_whitespace() {
+    for number in text::numbers(text) {
         count += 1;
         if numbers.len() < capacity {
-            numbers.push(parse(token)?);
+            numbers.push(number.map_err(refusal)?);
         }
     }
     Ok(count)
 }
 
-/// Parses one finite number.
-fn parse(token: &str) -> Result<f64, String> {
-    let hint = if token.contains(',') {
+/// What is wrong with a word that is no finite number.
+fn refusal(word: &str) -> String {
+    let hint = if word.contains(',') {
         "; the decimal separator is a point"
     } else {
         ""
     };
-    match token.parse::<f64>() {
-        Ok(number) if number.is_finite() => Ok(number),
-        _ => Err(format!(
-            "expected a finite number, found `{}`{hint}",
-            shortened(token)
-        )),
-    }
+    let word = shortened(word);
+    format!("expected a finite number, found `{word}`{hint}")
 }
 
 /// The first segment whose quaternion is not a rotation, with its norm.

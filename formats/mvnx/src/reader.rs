@@ -8,9 +8,9 @@ use super::frame::{Frame, FrameKind};
 use super::header::Header;
 use super::number;
 use super::scanner::{Scanner, Token, shortened};
-use super::source::{self, Sniffed};
+use super::source::{self, Bytes};
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_io::input::{self, Input};
+use bodyflight_io::input;
 
 /// Most calibration frames kept; MVN writes two or three.
 const CALIBRATION_LIMIT: usize = 16;
@@ -24,8 +24,8 @@ const INDEX_LIMIT: u64 = 1 << 53;
 const LONGEST_GAP: f64 = 3600.0;
 
 /// Reads a recording frame by frame, in constant memory.
-pub struct Reader<R: BufRead> {
-    scanner: Scanner<Sniffed<R>>,
+pub struct Reader<'a> {
+    scanner: Scanner<'a>,
     path: PathBuf,
     options: ReadOptions,
     header: Header,
@@ -55,7 +55,7 @@ enum FrameEnd {
     Cut,
 }
 
-impl Reader<Input> {
+impl Reader<'static> {
     /// Opens a recording, which may be compressed with gzip or xz, and reads its header and calibration.
     ///
     /// # Errors
@@ -65,12 +65,16 @@ impl Reader<Input> {
     }
 }
 
-impl<R: BufRead> Reader<R> {
+impl<'a> Reader<'a> {
     /// Reads header and calibration from any input; `path` names it in messages.
     ///
     /// # Errors
     /// Returns an error if the input cannot be read or is not a recording of version 3 or 4.
-    pub fn new(input: R, path: &Path, options: ReadOptions) -> Result<Self> {
+    pub fn new(input: impl BufRead + Send + 'a, path: &Path, options: ReadOptions) -> Result<Self> {
+        Self::of_bytes(Box::new(input), path, options)
+    }
+
+    fn of_bytes(input: Bytes<'a>, path: &Path, options: ReadOptions) -> Result<Self> {
         let is_container = path
             .extension()
             .is_some_and(|extension| extension.eq_ignore_ascii_case("mvn"));
@@ -96,9 +100,7 @@ impl<R: BufRead> Reader<R> {
             state: State::InFrames,
         };
         let mut frame = Frame::default();
-        if reader.advance(&mut frame)? {
-            reader.first = Some(frame);
-        }
+        reader.first = reader.advance(&mut frame)?.then_some(frame);
         Ok(reader)
     }
 
@@ -193,9 +195,8 @@ impl<R: BufRead> Reader<R> {
                     if frame.kind == FrameKind::Normal {
                         self.place(frame, index.as_deref())?;
                     }
-                    match self.read_fields(frame)? {
-                        FrameEnd::Cut => return self.cut(),
-                        FrameEnd::Whole => {}
+                    if let FrameEnd::Cut = self.read_fields(frame)? {
+                        return self.cut();
                     }
                     match frame.kind {
                         FrameKind::Normal => {
@@ -249,9 +250,9 @@ impl<R: BufRead> Reader<R> {
         } else {
             return Ok(());
         };
-        let (found, last) = (frame.index, next - 1);
+        let found = frame.index;
         Err(
-            Problem::bad_input(format!("frame index {found} follows {last}: {wrong}"))
+            Problem::bad_input(format!("frame index {found} follows {}: {wrong}", next - 1))
                 .at_line(frame.line)
                 .at(format!("frame {found}"))
                 .help("export the recording again; files joined by hand need new indices"),
@@ -383,9 +384,8 @@ impl<R: BufRead> Reader<R> {
             let outermost = self.scanner.depth() == 0;
             match self.scanner.next()? {
                 Token::Start(_) if outermost => {
-                    let problem = self
-                        .scanner
-                        .problem("a second document follows the recording");
+                    let message = "a second document follows the recording";
+                    let problem = self.scanner.problem(message);
                     return Err(problem.help("write each recording to a file of its own"));
                 }
                 Token::Start(element)

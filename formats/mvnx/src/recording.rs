@@ -38,7 +38,6 @@ use crate::closure::Skeleton;
 use crate::xsens::{self, MvnSegment};
 use crate::{ArmFrame, Fault, Field, Fields, Frame, FrameKind, Header, ReadOptions, Reader};
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_io::input::Input;
 use limbs::Moving;
 use plausibility::{JOINT_LIMIT, OpenJoint};
 pub use warning::{Warning, faults};
@@ -58,8 +57,8 @@ pub struct Options {
 }
 
 /// A flight read frame by frame; memory does not grow with its length.
-pub struct Recording<R: BufRead> {
-    reader: Reader<R>,
+pub struct Recording<'a> {
+    reader: Reader<'a>,
     /// Frames read ahead to determine the convention of the arms.
     ahead: VecDeque<Frame>,
     frame: Frame,
@@ -83,7 +82,7 @@ pub type Velocities = Box<dyn Fn(f64) -> Option<Vector<f64, Inertial>> + Send>;
 /// Position of each of the model's segments among those of a frame.
 type Places = SegmentArray<usize>;
 
-impl Recording<Input> {
+impl Recording<'static> {
     /// Opens a flight.
     ///
     /// # Errors
@@ -101,18 +100,18 @@ fn reader_options(options: Options) -> ReadOptions {
     }
 }
 
-impl<R: BufRead> Recording<R> {
+impl<'a> Recording<'a> {
     /// Reads a flight from any input; `path` is used in messages.
     ///
     /// # Errors
     /// Returns an error if the input is not a recording, if it lacks segments, orientation or position, if it has no
     /// joints and the convention of its arms is not given, or if its segments do not meet at their joints.
-    pub fn new(input: R, path: &Path, options: Options) -> Result<Self> {
+    pub fn new(input: impl BufRead + Send + 'a, path: &Path, options: Options) -> Result<Self> {
         let reader = Reader::new(input, path, reader_options(options))?;
         Self::from_reader(reader, options)
     }
 
-    fn from_reader(mut reader: Reader<R>, options: Options) -> Result<Self> {
+    fn from_reader(mut reader: Reader<'a>, options: Options) -> Result<Self> {
         let path = reader.path().to_path_buf();
         let named = |problem: Problem| problem.in_file(&path);
         let places = places(reader.header()).map_err(named)?;
@@ -363,7 +362,7 @@ impl<R: BufRead> Recording<R> {
     }
 }
 
-impl<R: BufRead> Iterator for Recording<R> {
+impl Iterator for Recording<'_> {
     type Item = Result<FlightFrame>;
 
     fn next(&mut self) -> Option<Self::Item> {

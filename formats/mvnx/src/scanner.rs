@@ -1,12 +1,11 @@
 //! XML events with line numbers. Refuses every XML feature that a recording does not need.
 
 use std::borrow::Cow;
-use std::io::BufRead;
 
 use quick_xml::events::{BytesDecl, BytesStart, Event};
 use quick_xml::{Error, XmlVersion};
 
-use super::source::LimitedInput;
+use super::source::{Bytes, LimitedInput};
 use bodyflight_io::diagnostic::{Kind, Problem, Result};
 
 /// Deepest nesting; a recording has 7.
@@ -71,15 +70,15 @@ impl Element<'_> {
 }
 
 /// The parser with its position.
-pub(super) struct Scanner<R: BufRead> {
-    parser: quick_xml::Reader<LimitedInput<R>>,
+pub(super) struct Scanner<'a> {
+    parser: quick_xml::Reader<LimitedInput<'a>>,
     buffer: Vec<u8>,
     depth: usize,
     line: u64,
 }
 
-impl<R: BufRead> Scanner<R> {
-    pub(super) fn new(input: R) -> Self {
+impl<'a> Scanner<'a> {
+    pub(super) fn new(input: Bytes<'a>) -> Self {
         let mut parser = quick_xml::Reader::from_reader(LimitedInput::new(input));
         parser.config_mut().expand_empty_elements = true;
         Self {
@@ -207,9 +206,9 @@ impl<R: BufRead> Scanner<R> {
 }
 
 /// Translates a parser error: the file ended, or cannot be read any further.
-fn refusal<'t, R: BufRead>(
+fn refusal<'t>(
     error: Error,
-    input: &LimitedInput<R>,
+    input: &LimitedInput<'_>,
     problem: impl Fn(String) -> Problem,
 ) -> Result<Token<'t>> {
     Err(match error {

@@ -1,6 +1,6 @@
 //! Between a file and the XML parser: checks the first bytes, and limits the size of each event.
 
-use std::io::{self, BufRead, Chain, Cursor, Read};
+use std::io::{self, BufRead, Cursor, Read};
 
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::file_kind::FileKind;
@@ -12,21 +12,22 @@ const CHUNK: usize = 1 << 16;
 /// Bytes examined to recognise files that are not XML.
 const HEAD: usize = 2048;
 
-/// A buffered input whose first bytes were examined and put back.
-pub(super) type Sniffed<R> = Chain<Cursor<Vec<u8>>, R>;
+/// A buffered input. Its kind is not a parameter of the reader: as such, the reader would be compiled in each crate that
+/// uses it, some of which are compiled for size.
+pub(super) type Bytes<'a> = Box<dyn BufRead + Send + 'a>;
 
-/// Refuses input that is recognisably not XML in UTF-8.
-pub(super) fn sniff<R: BufRead>(
-    mut input: R,
+/// Refuses input that is recognisably not XML in UTF-8, and puts the bytes that were examined back.
+pub(super) fn sniff(
+    mut input: Bytes<'_>,
     is_container: bool,
-) -> core::result::Result<Result<Sniffed<R>>, io::Error> {
+) -> core::result::Result<Result<Bytes<'_>>, io::Error> {
     let mut head = Vec::with_capacity(HEAD);
     Read::by_ref(&mut input)
         .take(HEAD as u64)
         .read_to_end(&mut head)?;
     Ok(match foreign_content(&head, is_container) {
         Some(problem) => Err(problem),
-        None => Ok(Cursor::new(head).chain(input)),
+        None => Ok(Box::new(Cursor::new(head).chain(input))),
     })
 }
 
@@ -72,16 +73,15 @@ fn foreign_content(head: &[u8], is_container: bool) -> Option<Problem> {
 }
 
 /// An input that counts lines and refuses endless events.
-#[derive(Debug)]
-pub(super) struct LimitedInput<R> {
-    input: R,
+pub(super) struct LimitedInput<'a> {
+    input: Bytes<'a>,
     used: usize,
     line: u64,
     at_end: bool,
 }
 
-impl<R: BufRead> LimitedInput<R> {
-    pub(super) fn new(input: R) -> Self {
+impl<'a> LimitedInput<'a> {
+    pub(super) fn new(input: Bytes<'a>) -> Self {
         Self {
             input,
             used: 0,
@@ -111,7 +111,7 @@ impl<R: BufRead> LimitedInput<R> {
     }
 }
 
-impl<R: BufRead> BufRead for LimitedInput<R> {
+impl BufRead for LimitedInput<'_> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         if self.is_over() {
             return Err(io::ErrorKind::FileTooLarge.into());
@@ -128,14 +128,14 @@ impl<R: BufRead> BufRead for LimitedInput<R> {
         // The bytes are buffered already, so this neither reads nor fails.
         if let Ok(bytes) = self.input.fill_buf() {
             let seen = &bytes[..amount.min(bytes.len())];
-            self.line += seen.iter().filter(|byte| **byte == b'\n').count() as u64;
+            self.line += memchr::memchr_iter(b'\n', seen).count() as u64;
         }
         self.used = self.used.saturating_add(amount);
         self.input.consume(amount);
     }
 }
 
-impl<R: BufRead> Read for LimitedInput<R> {
+impl Read for LimitedInput<'_> {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         let amount = self.fill_buf()?.read(into)?;
         self.consume(amount);

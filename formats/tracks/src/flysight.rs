@@ -6,13 +6,13 @@
 //! Known receiver faults: negative milliseconds (`:28.-001` is a millisecond before the full second), truncated rows,
 //! and time that runs backwards.
 
+mod calendar;
 mod clock;
 mod table;
 
 use std::path::Path;
 
 use bodyflight_core::frame::{Inertial, Vector};
-use chrono::NaiveDate;
 use nalgebra::Vector3;
 
 use bodyflight_falls::Sample;
@@ -25,9 +25,10 @@ use crate::points::{Flat, in_order};
 use crate::text;
 use crate::track;
 pub use crate::track::InertialSample;
+use calendar::Calendar;
 use clock::SensorClock;
 pub use table::Skipped;
-use table::{Row, Tables};
+use table::{Column, Row, Tables};
 
 /// Standard gravity, the unit of the accelerometer (m/s2).
 const STANDARD_GRAVITY: f64 = 9.806_65;
@@ -92,16 +93,17 @@ impl Track {
     /// Same as [`Track::read`].
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
         let text = text::plain(bytes);
-        let tables = Tables::parse(&with_commas(&text));
-        let mut skipped = tables.skipped.clone();
+        let text = with_commas(&text);
+        let tables = Tables::parse(&text);
+        let mut skipped = Skipped::default();
         let (mut rows, mut without_fix) = (Vec::new(), 0);
-        let mut flat = Flat::default();
+        let mut fixes = Fixes::of(&tables);
         for row in tables.rows("GNSS") {
-            if row.number("gpsFix").is_ok_and(|kind| kind < 3.0) {
+            if row.number(fixes.kind).is_ok_and(|kind| kind < 3.0) {
                 without_fix += 1;
                 continue;
             }
-            match fix(&row, &mut flat) {
+            match fixes.fix(&row) {
                 Err(why) => skipped.add(row.line, &why),
                 Ok(fix) => rows.push((row.line, fix)),
             }
@@ -139,7 +141,10 @@ impl Track {
         let beside = path.with_file_name("SENSOR.CSV");
         let (mut inertial, mut pressure) = (Vec::new(), Vec::new());
         if tables.is_second_generation && beside.is_file() {
-            let sensors = Tables::read(&beside)?;
+            let bytes = input::bytes(&beside)?;
+            let text = text::plain(&bytes);
+            let text = with_commas(&text);
+            let sensors = Tables::parse(&text);
             let clock = SensorClock::of(&sensors);
             notes.extend(clock.drift());
             inertial = inertial_samples(&sensors, &clock, &mut skipped);
@@ -197,69 +202,66 @@ pub(crate) fn track(text: &[u8], path: &Path) -> Result<track::Track> {
     })
 }
 
-/// Seconds since 1970 of `2023-10-08T21:36:27.798Z`; milliseconds may be negative.
-fn seconds(text: &str) -> Option<f64> {
-    let text = text.trim_end_matches('Z');
-    let (whole, part) = text.split_once('.').unwrap_or((text, "0"));
-    let (date, clock) = whole.split_once('T')?;
-    let [year, month, day] = numbers(date, '-')?;
-    let [hour, minute, second] = numbers(clock, ':')?;
-    let day = NaiveDate::from_ymd_opt(i32::try_from(year).ok()?, month, day)?;
-    // A leap second has the time of the one before it.
-    let second = if second == 60 { 59 } else { second };
-    let whole = day.and_hms_opt(hour, minute, second)?;
-    let (sign, digits) = match part.strip_prefix('-') {
-        Some(digits) => (-1.0, digits),
-        None => (1.0, part),
-    };
-    if digits.is_empty() || digits.len() > 9 || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
-        return None;
+/// Makes fixes of rows.
+struct Fixes {
+    time: Column,
+    /// Latitude, longitude, height.
+    place: [Column; 3],
+    /// North, east, down.
+    velocity: [Column; 3],
+    accuracy: Column,
+    kind: Column,
+    flat: Flat,
+    calendar: Calendar,
+}
+
+impl Fixes {
+    fn of(tables: &Tables<'_>) -> Self {
+        let columns = |names| tables.columns("GNSS", names);
+        let [time, accuracy, kind] = columns(["time", "sAcc", "gpsFix"]);
+        Self {
+            time,
+            place: columns(["lat", "lon", "hMSL"]),
+            velocity: columns(["velN", "velE", "velD"]),
+            accuracy,
+            kind,
+            flat: Flat::default(),
+            calendar: Calendar::default(),
+        }
     }
-    let count: u32 = digits.parse().ok()?;
-    let parts = 10_u32.pow(u32::try_from(digits.len()).ok()?);
-    #[expect(
-        clippy::cast_precision_loss,
-        reason = "exact for any date of the calendar"
-    )]
-    Some(whole.and_utc().timestamp() as f64 + sign * (f64::from(count) / f64::from(parts)))
-}
 
-/// Three whole numbers with a separator between them.
-fn numbers(text: &str, separator: char) -> Option<[u32; 3]> {
-    let mut parts = text.split(separator).map(|part| part.parse().ok());
-    let found = [parts.next()??, parts.next()??, parts.next()??];
-    parts.next().is_none().then_some(found)
-}
-
-fn fix(row: &Row<'_>, flat: &mut Flat) -> core::result::Result<Fix, String> {
-    let time = row.text("time")?;
-    let time = seconds(time).ok_or_else(|| {
-        format!("expected a time like 2023-10-08T21:36:27.798Z, found \"{time}\"")
-    })?;
-    let [latitude, longitude] = [row.within("lat", 90.0)?, row.within("lon", 180.0)?];
-    let height = row.within("hMSL", 50_000.0)?;
-    let velocity = ["velN", "velE", "velD"].map(|name| row.within(name, 1000.0));
-    let [north, east, down] = velocity;
-    Ok(Fix {
-        time,
-        position: Vector::from_components(flat.position([latitude, longitude], height)),
-        velocity: Vector::new(north?, -east?, -down?),
-        speed_accuracy: row.number("sAcc").ok().filter(|accuracy| *accuracy > 0.0),
-    })
+    fn fix(&mut self, row: &Row<'_>) -> core::result::Result<Fix, String> {
+        let time = row.field(self.time)?;
+        let time = self.calendar.seconds(time).ok_or_else(|| {
+            let time = String::from_utf8_lossy(time);
+            format!("expected a time like 2023-10-08T21:36:27.798Z, found \"{time}\"")
+        })?;
+        let [latitude, longitude, height] = self.place;
+        let place = [row.within(latitude, 90.0)?, row.within(longitude, 180.0)?];
+        let height = row.within(height, 50_000.0)?;
+        let [north, east, down] = self.velocity.map(|column| row.within(column, 1000.0));
+        Ok(Fix {
+            time,
+            position: Vector::from_components(self.flat.position(place, height)),
+            velocity: Vector::new(north?, -east?, -down?),
+            speed_accuracy: (row.number(self.accuracy).ok()).filter(|accuracy| *accuracy > 0.0),
+        })
+    }
 }
 
 /// Barometer rows on the GNSS clock.
 fn pressure_samples(
-    tables: &Tables,
+    tables: &Tables<'_>,
     clock: &SensorClock,
     skipped: &mut Skipped,
 ) -> Vec<PressureSample> {
+    let [time, pressure] = tables.columns("BARO", ["time", "pressure"]);
     let mut samples = Vec::new();
     for row in tables.rows("BARO") {
         let sample = || {
             Ok::<_, String>(PressureSample {
-                time_of_week: clock.time_of_week(row.number("time")?),
-                pressure: row.within("pressure", 120_000.0)?,
+                time_of_week: clock.time_of_week(row.number(time)?),
+                pressure: row.within(pressure, 120_000.0)?,
             })
         };
         match sample() {
@@ -272,21 +274,24 @@ fn pressure_samples(
 
 /// Rows of the inertial sensor on the GNSS clock.
 fn inertial_samples(
-    tables: &Tables,
+    tables: &Tables<'_>,
     clock: &SensorClock,
     skipped: &mut Skipped,
 ) -> Vec<InertialSample> {
-    let vector = |row: &Row<'_>, names: [&str; 3], unit: f64| {
-        let [x, y, z] = names.map(|name| row.within(name, 10_000.0));
+    let [time] = tables.columns("IMU", ["time"]);
+    let force = tables.columns("IMU", ["ax", "ay", "az"]);
+    let turn = tables.columns("IMU", ["wx", "wy", "wz"]);
+    let vector = |row: &Row<'_>, columns: [Column; 3], unit: f64| {
+        let [x, y, z] = columns.map(|column| row.within(column, 10_000.0));
         Ok::<_, String>(Vector3::new(x?, y?, z?) * unit)
     };
     let mut samples: Vec<InertialSample> = Vec::new();
     for row in tables.rows("IMU") {
         let sample = || {
             Ok::<_, String>(InertialSample {
-                time_of_week: clock.time_of_week(row.number("time")?),
-                specific_force: vector(&row, ["ax", "ay", "az"], STANDARD_GRAVITY)?,
-                angular_velocity: vector(&row, ["wx", "wy", "wz"], 1.0_f64.to_radians())?,
+                time_of_week: clock.time_of_week(row.number(time)?),
+                specific_force: vector(&row, force, STANDARD_GRAVITY)?,
+                angular_velocity: vector(&row, turn, 1.0_f64.to_radians())?,
             })
         };
         match sample() {

@@ -4,6 +4,7 @@
 use bodyflight_falls::Sample;
 use bodyflight_falls::channels::Given;
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::text::number;
 use nalgebra::Vector3;
 
 use crate::points::{Flat, in_order};
@@ -72,11 +73,15 @@ pub(crate) fn read(text: &[u8]) -> Result<Track> {
     let columns = Columns::of(&names.collect())?;
     let mut flat = Flat::default();
     let (mut samples, mut skipped) = (Vec::<Sample>::new(), 0);
-    for record in reader.byte_records() {
-        let record = record.map_err(|error| {
+    let mut record = csv::ByteRecord::new();
+    loop {
+        let read = reader.read_byte_record(&mut record).map_err(|error| {
             let line = error.position().map_or(0, csv::Position::line);
             Problem::bad_input(format!("cannot read this row: {error}")).at_line(line)
         })?;
+        if !read {
+            break;
+        }
         match columns.sample(&record, &mut flat) {
             Some(sample) => samples.push(sample),
             None => skipped += 1,
@@ -113,26 +118,26 @@ const FASTEST: f64 = 10_000.0;
 
 impl Columns {
     fn sample(&self, record: &csv::ByteRecord, flat: &mut Flat) -> Option<Sample> {
-        let number = |column: usize, most: f64| {
+        let within = |column: usize, most: f64| {
             let text = core::str::from_utf8(record.get(column)?).ok()?;
-            let number: f64 = text.parse().ok()?;
+            let number = number(text)?;
             (number.abs() <= most).then_some(number)
         };
-        let height = number(self.height, HIGHEST)?;
+        let height = within(self.height, HIGHEST)?;
         let place = match self.places {
-            Some([a, b]) => [number(a, FARTHEST)?, number(b, FARTHEST)?],
+            Some([a, b]) => [within(a, FARTHEST)?, within(b, FARTHEST)?],
             None => [0.0; 2],
         };
         let velocity = match self.velocities {
             Some([north, east, up]) => Vector3::new(
-                number(north, FASTEST)?,
-                -number(east, FASTEST)?,
-                number(up, FASTEST)?,
+                within(north, FASTEST)?,
+                -within(east, FASTEST)?,
+                within(up, FASTEST)?,
             ),
             None => Vector3::zeros(),
         };
         Some(Sample {
-            time: number(self.time, 1e12)?,
+            time: within(self.time, 1e12)?,
             position: if self.is_geographic && self.places.is_some() {
                 flat.position(place, height)
             } else {

@@ -3,6 +3,7 @@
 use bodyflight_falls::channels::{Given, with_velocities};
 use bodyflight_falls::{Sample, median};
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::text::number;
 use nalgebra::Vector3;
 
 use crate::track::Track;
@@ -26,7 +27,9 @@ pub(crate) struct Point {
 /// Converts latitudes and longitudes (degrees) to positions north and west of the first one (m).
 #[derive(Default)]
 pub(crate) struct Flat {
-    origin: Option<[f64; 2]>,
+    /// Latitude and longitude of the first one, and the length of a degree of longitude there, as a fraction of one of
+    /// latitude.
+    origin: Option<([f64; 2], f64)>,
 }
 
 impl Flat {
@@ -35,10 +38,11 @@ impl Flat {
         [latitude, longitude]: [f64; 2],
         height: f64,
     ) -> Vector3<f64> {
-        let [first_latitude, first_longitude] = *self.origin.get_or_insert([latitude, longitude]);
+        let ([first_latitude, first_longitude], narrower) = *self
+            .origin
+            .get_or_insert_with(|| ([latitude, longitude], latitude.to_radians().cos()));
         // Also correct across the date line.
         let east = (longitude - first_longitude + 540.0).rem_euclid(360.0) - 180.0;
-        let narrower = first_latitude.to_radians().cos();
         Vector3::new(
             (latitude - first_latitude) * METRES_PER_DEGREE,
             -east * METRES_PER_DEGREE * narrower,
@@ -58,9 +62,18 @@ const BACK: f64 = 5.0;
 /// Sets the clock of rows right: adds the weeks of a rollover, skips rows that step back, and keeps the longest run if
 /// the clock was set back. Returns the rows, how many were left out, and what was done, in sentences.
 pub(crate) fn in_order<T>(
-    rows: Vec<T>,
+    mut rows: Vec<T>,
     time: impl Fn(&mut T) -> &mut f64,
 ) -> (Vec<T>, usize, Vec<String>) {
+    let mut last = f64::NEG_INFINITY;
+    let is_later = |row: &mut T| {
+        let before = core::mem::replace(&mut last, *time(row));
+        before < last
+    };
+    // Most tracks need nothing, and no second copy.
+    if rows.iter_mut().all(is_later) {
+        return (rows, 0, Vec::new());
+    }
     let mut runs: Vec<(Vec<T>, f64)> = Vec::new();
     let (mut skipped, mut added, mut notes) = (0, 0.0, Vec::new());
     for mut row in rows {
@@ -225,7 +238,7 @@ pub fn date(unix: f64) -> Option<String> {
 
 /// A number within plus or minus `most`.
 pub(crate) fn within(text: &str, most: f64) -> Option<f64> {
-    let number: f64 = text.trim().parse().ok()?;
+    let number = number(text.trim())?;
     (number.abs() <= most).then_some(number)
 }
 

@@ -12,7 +12,7 @@ use bodyflight_viewer::what_if::start_numbers;
 use nalgebra::UnitQuaternion;
 use serde::Serialize;
 
-use super::series::{Packed, Series};
+use super::series::{Packed, Recorded};
 
 /// The columns, with the count of numbers in a row and their step. Inputs are those up to a row; postures are
 /// `parent_from_segment` of all segments but the pelvis.
@@ -52,7 +52,7 @@ pub struct FullRate {
 
 /// A flight being collected.
 pub(super) struct Collected {
-    series: Series,
+    series: Recorded,
     model: Result<ModelNumbers, &'static str>,
     last: Posture<f64>,
 }
@@ -61,7 +61,7 @@ impl Collected {
     /// Starts with the first frame of a flight.
     pub(super) fn new(flight: &Flight, model: &Model<f64>, start: &Step) -> Self {
         let mut collected = Self {
-            series: Series::new(&COLUMNS),
+            series: Recorded::new(&COLUMNS),
             model: numbers(flight, model, start),
             last: start.posture,
         };

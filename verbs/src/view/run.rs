@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::estimated::Estimated;
 use super::full_rate::{Collected, FullRate};
-use super::series::{Packed, RATE, Series};
+use super::series::{Packed, RATE, Recorded, Series};
 use super::shape::{Shape, Worn, shapes};
 use crate::compare::words::joint;
 use bodyflight_io::diagnostic::Result;
@@ -112,11 +112,8 @@ pub fn fly(
     progress: &mut dyn FnMut(f64),
 ) -> Result<Run> {
     let mut full = None;
-    let Flown {
-        series,
-        comparison,
-        doubt,
-    } = fly_with(
+    let mut series = Recorded::new(&COLUMNS);
+    let (comparison, doubt) = fly_with(
         flight,
         options,
         progress,
@@ -125,6 +122,7 @@ pub fn fly(
             None => {}
             Some(full) => full.push(flight, step),
         },
+        &mut |row| series.push(row),
     )?;
     let air = flight
         .effects
@@ -163,23 +161,32 @@ pub fn fly_series(
     options: Options,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Flown> {
-    fly_with(flight, options, progress, &mut |_, _| {})
+    let mut series = Series::new(&COLUMNS);
+    let (comparison, doubt) = fly_with(flight, options, progress, &mut |_, _| {}, &mut |row| {
+        series.push(row);
+    })?;
+    Ok(Flown {
+        series,
+        comparison,
+        doubt,
+    })
 }
 
-/// Simulates a recording; `each` is called with the model and every step, the start included.
+/// Simulates a recording; `each` is called with the model and every step, the start included, `shown` with the rows to
+/// show. Returns the comparison, and why the recording should not be trusted.
 fn fly_with(
     flight: &Flight,
     options: Options,
     progress: &mut dyn FnMut(f64),
     each: &mut dyn FnMut(&Model<f64>, &Step),
-) -> Result<Flown> {
+    shown: &mut dyn FnMut(Vec<f64>),
+) -> Result<(Comparison, Option<String>)> {
     let mut replay = Replay::open(flight, options, Precision::Double)?;
     let model = *replay.model();
     let dynamics = model.dynamics;
-    let mut series = Series::new(&COLUMNS);
     let mut comparison = Comparison::default();
     let start = *replay.start();
-    series.push(row(&dynamics, &start, &start.posture));
+    shown(row(&dynamics, &start, &start.posture));
     each(&model, &start);
     let mut due = start.time + 1.0 / RATE;
     let mut steps = replay.by_ref().peekable();
@@ -190,16 +197,12 @@ fn fly_with(
         // Some slack, since the rates need not divide evenly.
         if step.time >= due - 1e-3 || steps.peek().is_none() {
             due = (due + 1.0 / RATE).max(step.time);
-            series.push(row(&dynamics, &step, &start.posture));
+            shown(row(&dynamics, &step, &start.posture));
             progress(step.time);
             interrupt::check()?;
         }
     }
-    Ok(Flown {
-        series,
-        comparison,
-        doubt: replay.doubt(),
-    })
+    Ok((comparison, replay.doubt()))
 }
 
 /// A row of [`COLUMNS`]; joint angles continue from the `first` posture.

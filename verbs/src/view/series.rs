@@ -44,19 +44,28 @@ pub struct Series {
     rows: usize,
 }
 
+/// Columns, given as name, count of numbers in a row, and step.
+fn named(columns: &[(&str, usize, f64)]) -> Vec<Column> {
+    let columns = columns.iter().map(|&(name, width, step)| Column {
+        name: name.to_owned(),
+        width,
+        step,
+    });
+    columns.collect()
+}
+
+/// The step of each number in a row.
+fn steps(columns: &[Column]) -> impl Iterator<Item = f64> {
+    let columns = columns.iter();
+    columns.flat_map(|column| std::iter::repeat_n(column.step, column.width))
+}
+
 impl Series {
     /// Creates a series of columns, given as name, count of numbers in a row, and step.
     pub fn new(columns: &[(&str, usize, f64)]) -> Self {
-        let columns: Vec<Column> = columns
-            .iter()
-            .map(|&(name, width, step)| Column {
-                name: name.to_owned(),
-                width,
-                step,
-            })
-            .collect();
+        let columns = named(columns);
         Self {
-            numbers: vec![Vec::new(); columns.iter().map(|column| column.width).sum()],
+            numbers: vec![Vec::new(); steps(&columns).count()],
             columns,
             rows: 0,
         }
@@ -119,31 +128,92 @@ impl Series {
 
     /// Compresses the series.
     pub fn packed(&self) -> Packed {
-        let steps = self
-            .columns
-            .iter()
-            .flat_map(|column| std::iter::repeat_n(column.step, column.width));
-        let mut bytes = Vec::new();
-        for (numbers, step) in self.numbers.iter().zip(steps) {
-            let mut before = 0;
-            for number in numbers {
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    reason = "saturates: a number so large is off every axis"
-                )]
-                let now = (number / step).round() as i32;
-                write_variable(&mut bytes, now.wrapping_sub(before));
-                before = now;
-            }
+        let numbers = self.numbers.iter().zip(steps(&self.columns));
+        let encoded = numbers.map(|(numbers, step)| {
+            let mut encoded = Encoded::new(step);
+            numbers.iter().for_each(|number| encoded.push(*number));
+            encoded
+        });
+        packed(self.columns.clone(), self.rows, encoded)
+    }
+}
+
+/// A series that is only written: each number takes one or two bytes from the beginning.
+#[derive(Debug, Clone)]
+pub struct Recorded {
+    columns: Vec<Column>,
+    numbers: Vec<Encoded>,
+    rows: usize,
+}
+
+impl Recorded {
+    /// Same as [`Series::new`].
+    pub fn new(columns: &[(&str, usize, f64)]) -> Self {
+        let columns = named(columns);
+        Self {
+            numbers: steps(&columns).map(Encoded::new).collect(),
+            columns,
+            rows: 0,
         }
-        let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    }
+
+    /// Same as [`Series::push`].
+    pub fn push(&mut self, row: impl IntoIterator<Item = f64>) {
+        let mut row = row.into_iter();
+        for numbers in &mut self.numbers {
+            let number = row.next().filter(|number| number.is_finite());
+            numbers.push(number.unwrap_or(numbers.last));
+        }
+        self.rows += 1;
+    }
+
+    /// Compresses the series.
+    pub fn packed(self) -> Packed {
+        packed(self.columns, self.rows, self.numbers.into_iter())
+    }
+}
+
+/// Numbers of a column as they are written, before compression.
+#[derive(Debug, Clone)]
+struct Encoded {
+    step: f64,
+    last: f64,
+    /// The last number in steps.
+    before: i32,
+    bytes: Vec<u8>,
+}
+
+impl Encoded {
+    const fn new(step: f64) -> Self {
+        Self {
+            step,
+            last: 0.0,
+            before: 0,
+            bytes: Vec::new(),
+        }
+    }
+
+    fn push(&mut self, number: f64) {
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "saturates: a number so large is off every axis"
+        )]
+        let now = (number / self.step).round() as i32;
+        write_variable(&mut self.bytes, now.wrapping_sub(self.before));
+        (self.last, self.before) = (number, now);
+    }
+}
+
+fn packed(columns: Vec<Column>, rows: usize, numbers: impl Iterator<Item = Encoded>) -> Packed {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    for numbers in numbers {
         // Writing to memory cannot fail.
-        let _ = encoder.write_all(&bytes);
-        Packed {
-            columns: self.columns.clone(),
-            rows: self.rows,
-            data: STANDARD.encode(encoder.finish().unwrap_or_default()),
-        }
+        let _ = encoder.write_all(&numbers.bytes);
+    }
+    Packed {
+        columns,
+        rows,
+        data: STANDARD.encode(encoder.finish().unwrap_or_default()),
     }
 }
 
@@ -213,10 +283,13 @@ mod tests {
         fn numbers_are_restored_to_half_a_step(
             rows in prop::collection::vec(prop::array::uniform3(-1e4f64..1e4), 0..40),
         ) {
-            let mut series = Series::new(&[("a", 1, 0.01), ("b", 2, 0.5)]);
+            let columns = [("a", 1, 0.01), ("b", 2, 0.5)];
+            let (mut series, mut recorded) = (Series::new(&columns), Recorded::new(&columns));
             for row in &rows {
                 series.push(*row);
+                recorded.push(*row);
             }
+            prop_assert_eq!(series.packed().data, recorded.packed().data);
             let back = unpacked(&series.packed());
             for (k, row) in rows.iter().enumerate() {
                 for (column, number) in row.iter().enumerate() {
@@ -233,6 +306,11 @@ mod tests {
         series.push([1.0, f64::NAN]);
         series.push([f64::INFINITY, 3.0]);
         series.push([4.0]);
+        let mut recorded = Recorded::new(&[("a", 2, 1.0)]);
+        for row in [&[1.0, f64::NAN][..], &[f64::INFINITY, 3.0], &[4.0]] {
+            recorded.push(row.iter().copied());
+        }
+        assert_eq!(series.packed().data, recorded.packed().data);
         assert_eq!(
             unpacked(&series.packed()),
             [[1.0, 1.0, 4.0], [0.0, 3.0, 3.0]]

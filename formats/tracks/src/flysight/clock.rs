@@ -21,10 +21,11 @@ pub(super) struct SensorClock {
 
 impl SensorClock {
     /// From the `$TIME` rows, which have both times. The first of them may be a second off, so medians are used.
-    pub(super) fn of(tables: &Tables) -> Self {
+    pub(super) fn of(tables: &Tables<'_>) -> Self {
+        let [time, week] = tables.columns("TIME", ["time", "tow"]);
         let pairs = tables
             .rows("TIME")
-            .filter_map(|row| Some([row.number("time").ok()?, row.number("tow").ok()?]));
+            .filter_map(|row| Some([row.number(time).ok()?, row.number(week).ok()?]));
         Self::fitted(&pairs.collect::<Vec<_>>())
     }
 

@@ -3,13 +3,8 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::path::Path;
 
-use bodyflight_io::diagnostic::Result;
-use bodyflight_io::input;
-use bodyflight_io::text::with_commas;
-
-use crate::text;
+use bodyflight_io::text;
 
 /// Most fields read per row; receivers write at most fifteen.
 const MOST_FIELDS: usize = 64;
@@ -32,181 +27,213 @@ impl Skipped {
 
 /// The rows of all sensors in a file.
 #[derive(Debug)]
-pub(super) struct Tables {
+pub(super) struct Tables<'a> {
+    text: &'a [u8],
     /// Column names of each sensor.
     columns: BTreeMap<String, Vec<String>>,
     /// Names of the sensors that have rows.
-    sensors: Vec<String>,
+    sensors: Vec<&'a [u8]>,
     rows: Vec<Stored>,
-    /// The text of all fields, and where each begins. Hours of rows would take ten times the memory and time as a text
-    /// for each field.
-    text: String,
-    begins: Vec<usize>,
     /// Whether a FlySight 2 wrote the file.
     pub(super) is_second_generation: bool,
-    pub(super) skipped: Skipped,
 }
 
-/// A row as it is kept.
+/// Where a row is. Hours of rows would take ten times the memory and time with a text for each field.
 #[derive(Debug)]
 struct Stored {
     line: u64,
     /// Place of its sensor.
     sensor: usize,
-    /// Places of its fields.
-    fields: Range<usize>,
+    /// Its bytes, from its first field on.
+    bytes: Range<usize>,
+    most_fields: usize,
 }
 
-/// A row with the names of its fields.
+/// A column of a sensor by its name, which it may lack.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Column {
+    name: &'static str,
+    place: Option<usize>,
+}
+
+/// A row, with the places at which its fields begin.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row<'a> {
     pub(super) line: u64,
-    columns: &'a [String],
-    tables: &'a Tables,
-    first: usize,
+    bytes: &'a [u8],
+    begins: [usize; MOST_FIELDS + 1],
     count: usize,
 }
 
-impl Tables {
-    pub(super) fn read(path: &Path) -> Result<Self> {
-        let bytes = input::bytes(path)?;
-        Ok(Self::parse(&with_commas(&text::plain(&bytes))))
-    }
-
+impl<'a> Tables<'a> {
     /// Invalid UTF-8 in one place must not cost the rest of the track.
-    pub(super) fn parse(bytes: &[u8]) -> Self {
+    pub(super) fn parse(text: &'a [u8]) -> Self {
         let mut tables = Self {
+            text,
             columns: BTreeMap::new(),
             sensors: Vec::new(),
             rows: Vec::new(),
-            text: String::with_capacity(bytes.len()),
-            begins: Vec::new(),
-            is_second_generation: bytes.starts_with(b"$FLYS"),
-            skipped: Skipped::default(),
+            is_second_generation: text.starts_with(b"$FLYS"),
         };
-        let mut reader = csv::ReaderBuilder::new()
-            .has_headers(false)
-            .flexible(true)
-            .quoting(false)
-            .from_reader(bytes);
-        let mut record = csv::ByteRecord::new();
-        loop {
-            match reader.read_byte_record(&mut record) {
-                Ok(true) => tables.add(&record),
-                Ok(false) => break,
-                Err(error) => {
-                    let line = error.position().map_or(0, csv::Position::line);
-                    tables.skipped.add(line, &error.to_string());
-                }
+        let (mut at, mut line) = (0, 1);
+        while at < text.len() {
+            // A row ends at a line feed, a carriage return, or both.
+            let end = memchr::memchr2(b'\n', b'\r', &text[at..]).map_or(text.len(), |end| at + end);
+            if end > at {
+                tables.add(line, at..end);
             }
+            line += u64::from(text.get(end) == Some(&b'\n'));
+            at = end + 1;
         }
         tables
     }
 
-    fn add(&mut self, record: &csv::ByteRecord) {
-        let line = record.position().map_or(0, csv::Position::line);
-        let Some(first) = record.get(0).map(trimmed) else {
+    fn add(&mut self, line: u64, row: Range<usize>) {
+        let bytes = &self.text[row.clone()];
+        let first_end = memchr::memchr(b',', bytes).unwrap_or(bytes.len());
+        let first = bytes[..first_end].trim_ascii();
+        let after_first = (row.start + first_end + 1).min(row.end)..row.end;
+        let marked = first.strip_prefix(b"$").filter(|sensor| {
+            let name = core::str::from_utf8(sensor);
+            name.is_ok_and(|name| self.columns.contains_key(name))
+        });
+        // Most rows begin with a digit, or with the name of a sensor whose columns are known.
+        if let Some(sensor) = marked {
+            self.keep(line, sensor, after_first, MOST_FIELDS - 1);
             return;
-        };
-        // Most rows begin with a digit or a sensor's name.
-        let is_row = first.starts_with(|letter: char| letter.is_ascii_digit());
-        let has = |wanted: &[u8]| record.iter().any(|field| field.trim_ascii() == wanted);
-        let names = |skipped: usize| record.iter().take(MOST_FIELDS).skip(skipped).map(trimmed);
+        }
+        let is_row = first.first().is_some_and(u8::is_ascii_digit);
+        let has = |wanted: &[u8]| fields(bytes).any(|field| field == wanted);
+        let names = |skipped: usize| fields(bytes).take(MOST_FIELDS).skip(skipped).map(lossy);
         // FlySight 1: a line of names in any order, a line of units, then the rows.
-        if !is_row && !first.starts_with("$COL") && has(b"velD") && has(b"lat") {
+        if !is_row && !first.starts_with(b"$COL") && has(b"velD") && has(b"lat") {
             let names = names(0).map(|name| name.trim_start_matches('$').to_owned());
             self.columns.insert("GNSS".to_owned(), names.collect());
             return;
         }
-        match &*first {
-            "$FLYS" | "$VAR" | "$UNIT" | "$DATA" => {}
-            "$COL" => {
+        match first {
+            b"$FLYS" | b"$VAR" | b"$UNIT" | b"$DATA" => {}
+            b"$COL" => {
                 let mut names = names(1).map(Cow::into_owned);
                 if let Some(sensor) = names.next() {
                     self.columns.insert(sensor, names.collect());
                 }
             }
-            sensor if sensor.starts_with('$') => self.keep(line, &sensor[1..], names(1)),
+            [b'$', sensor @ ..] => self.keep(line, sensor, after_first, MOST_FIELDS - 1),
             _ if self.rows.is_empty() && has(b"(m/s)") => {}
-            "" if self.rows.is_empty() => {}
-            _ => self.keep(line, "GNSS", names(0)),
+            b"" if self.rows.is_empty() => {}
+            _ => self.keep(line, b"GNSS", row, MOST_FIELDS),
         }
     }
 
-    fn keep<'a>(&mut self, line: u64, sensor: &str, fields: impl Iterator<Item = Cow<'a, str>>) {
-        let known = self.sensors.iter().position(|known| known == sensor);
+    fn keep(&mut self, line: u64, sensor: &'a [u8], bytes: Range<usize>, most_fields: usize) {
+        let known = self.sensors.iter().position(|known| *known == sensor);
         let sensor = known.unwrap_or_else(|| {
-            self.sensors.push(sensor.to_owned());
+            self.sensors.push(sensor);
             self.sensors.len() - 1
         });
-        let first = self.begins.len();
-        for field in fields {
-            self.begins.push(self.text.len());
-            self.text.push_str(&field);
-        }
         self.rows.push(Stored {
             line,
             sensor,
-            fields: first..self.begins.len(),
+            bytes,
+            most_fields,
         });
     }
 
-    /// The text of a field.
-    fn field(&self, place: usize) -> Option<&str> {
-        let begin = *self.begins.get(place)?;
-        let end = self.begins.get(place + 1).copied();
-        self.text.get(begin..end.unwrap_or(self.text.len()))
+    /// Columns of a sensor by their names.
+    pub(super) fn columns<const N: usize>(
+        &self,
+        sensor: &str,
+        names: [&'static str; N],
+    ) -> [Column; N] {
+        let known = self.columns.get(sensor).map_or(&[][..], Vec::as_slice);
+        names.map(|name| Column {
+            name,
+            place: known.iter().position(|column| column == name),
+        })
     }
 
     /// The rows of one sensor.
-    pub(super) fn rows<'a>(&'a self, sensor: &str) -> impl Iterator<Item = Row<'a>> {
-        let columns = self.columns.get(sensor).map_or(&[][..], Vec::as_slice);
-        let place = self.sensors.iter().position(|known| known == sensor);
+    pub(super) fn rows(&self, sensor: &str) -> impl Iterator<Item = Row<'a>> {
+        let sensor = sensor.as_bytes();
+        let place = self.sensors.iter().position(|known| *known == sensor);
         let own = self
             .rows
             .iter()
             .filter(move |row| Some(row.sensor) == place);
-        own.map(move |row| Row {
-            line: row.line,
-            columns,
-            tables: self,
-            first: row.fields.start,
-            count: row.fields.len(),
-        })
+        own.map(|row| Row::new(row.line, &self.text[row.bytes.clone()], row.most_fields))
     }
 }
 
-/// The text of a field without blanks around it.
-fn trimmed(field: &[u8]) -> Cow<'_, str> {
-    String::from_utf8_lossy(field.trim_ascii())
+/// The fields of a row without blanks around them.
+fn fields(row: &[u8]) -> impl Iterator<Item = &[u8]> {
+    row.split(|byte| *byte == b',').map(<[u8]>::trim_ascii)
+}
+
+fn lossy(field: &[u8]) -> Cow<'_, str> {
+    String::from_utf8_lossy(field)
 }
 
 impl<'a> Row<'a> {
-    /// The field in the named column.
-    pub(super) fn text(&self, name: &str) -> core::result::Result<&'a str, String> {
-        let place = self.columns.iter().position(|column| column == name);
-        let place = place.ok_or_else(|| format!("no column \"{name}\""))?;
-        let field = (place < self.count).then(|| self.tables.field(self.first + place));
-        field
-            .flatten()
-            .ok_or_else(|| format!("the row ends before \"{name}\""))
+    fn new(line: u64, bytes: &'a [u8], most_fields: usize) -> Self {
+        let mut begins = [0; MOST_FIELDS + 1];
+        let mut count = usize::from(!bytes.is_empty());
+        for (at, byte) in bytes.iter().enumerate() {
+            if *byte == b',' {
+                begins[count] = at + 1;
+                if count == most_fields {
+                    break;
+                }
+                count += 1;
+            }
+        }
+        // Where the field after the last would begin.
+        if begins[count] == 0 {
+            begins[count] = bytes.len() + 1;
+        }
+        Self {
+            line,
+            bytes,
+            begins,
+            count,
+        }
     }
 
-    /// The number in the named column.
-    pub(super) fn number(&self, name: &str) -> core::result::Result<f64, String> {
-        let text = self.text(name)?;
-        let number: Option<f64> = text.parse().ok();
+    /// The field in a column.
+    pub(super) fn field(&self, column: Column) -> Result<&'a [u8], String> {
+        let name = column.name;
+        let place = column
+            .place
+            .ok_or_else(|| format!("no column \"{name}\""))?;
+        if place >= self.count {
+            return Err(format!("the row ends before \"{name}\""));
+        }
+        let bytes = self.bytes;
+        Ok(bytes[self.begins[place]..self.begins[place + 1] - 1].trim_ascii())
+    }
+
+    /// The number in a column.
+    pub(super) fn number(&self, column: Column) -> Result<f64, String> {
+        let field = self.field(column)?;
+        if let Some((number, length)) = text::leading_number(field)
+            && length == field.len()
+        {
+            return Ok(number);
+        }
+        let field = lossy(field);
+        let number: Option<f64> = field.parse().ok();
         number
             .filter(|number| number.is_finite())
-            .ok_or_else(|| format!("{name}: expected a number, found \"{text}\""))
+            .ok_or_else(|| format!("{}: expected a number, found \"{field}\"", column.name))
     }
 
-    /// The number in the named column, with an absolute value of at most `most`.
-    pub(super) fn within(&self, name: &str, most: f64) -> core::result::Result<f64, String> {
-        let number = self.number(name)?;
+    /// The number in a column, with an absolute value of at most `most`.
+    pub(super) fn within(&self, column: Column, most: f64) -> Result<f64, String> {
+        let number = self.number(column)?;
         if number.abs() <= most {
             Ok(number)
         } else {
+            let name = column.name;
             Err(format!("{name}: expected at most {most}, found {number}"))
         }
     }
