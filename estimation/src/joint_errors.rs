@@ -108,8 +108,7 @@ fn constant(run: &Run<'_>, preset: &MotionPreset) -> Result<Option<Size>> {
             }
         },
     )?;
-    let whole = part.whole(preset, Sizes::any(), &states, &activity);
-    Ok(whole.solve()?.map(|solution| solution.size))
+    part.whole(preset, Sizes::any(), &states, &activity).size()
 }
 
 /// The most likely size (rad) of joint errors that wander.
