@@ -6,6 +6,7 @@ pub mod fuzz_targets;
 pub mod greeting;
 pub mod program;
 pub mod range_watch;
+pub mod receiver;
 pub mod small_recording;
 pub mod text_inputs;
 pub mod transitions;

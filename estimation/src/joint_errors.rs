@@ -62,7 +62,12 @@ impl JointErrors {
 
 /// Finds how large the joint errors are.
 pub(crate) fn joint_errors(run: &Run<'_>, preset: &MotionPreset) -> Result<JointErrors> {
-    if let Some(size) = constant(run, preset)? {
+    let constant = if run.velocities.are_sampled() {
+        constant(run, preset)?
+    } else {
+        None
+    };
+    if let Some(size) = constant {
         return Ok(JointErrors {
             size,
             source: if size.is_seen() {

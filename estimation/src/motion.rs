@@ -81,6 +81,7 @@ pub fn estimate(
     let run = Run {
         flight,
         samples: &measured.samples,
+        velocities: &measured.velocities,
         rate: measured.rate,
         dynamics: model.dynamics,
         applied: model.applied,
@@ -101,7 +102,10 @@ pub fn estimate(
     } else {
         Consistency::Consistent
     };
-    let smooth = (settings.method == Method::Smooth).then(|| {
+    // Whether joint errors are constant, as the whole flight's solution takes them to be, shows in the forces, which only
+    // velocities at the frame rate tell.
+    let is_smoothed = settings.method == Method::Smooth && measured.velocities.are_sampled();
+    let smooth = is_smoothed.then(|| {
         if find_joint_error {
             Sizes::any()
         } else {
