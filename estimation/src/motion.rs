@@ -102,8 +102,6 @@ pub fn estimate(
     } else {
         Consistency::Consistent
     };
-    // Whether joint errors are constant, as the whole flight's solution takes them to be, shows in the forces, which only
-    // velocities at the frame rate tell.
     let is_smoothed = settings.method == Method::Smooth && measured.velocities.are_sampled();
     let smooth = is_smoothed.then(|| {
         if find_joint_error {

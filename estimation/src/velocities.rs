@@ -54,7 +54,8 @@ impl Velocities {
         Self::Solved(carried.collect())
     }
 
-    /// Whether each sample has its own.
+    /// Whether each sample has its own. Only then the forces are seen, and with them whether joint errors are constant, as the
+    /// solution for a whole flight takes them to be.
     pub fn are_sampled(&self) -> bool {
         matches!(self, Self::Sampled)
     }

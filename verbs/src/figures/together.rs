@@ -1,6 +1,7 @@
 //! Several flights in one figure: the same axes, a colour for each, and each with its own error bars.
 
-use super::{Drawn, INPUTS, RECONSTRUCTION, TOP_VIEW, top_view};
+use super::drawn::Drawn;
+use super::top_view;
 use crate::output::plot::{
     Band, Curve, FLIGHTS, Line, Panel, figure_svg, measured_curve, simulated_curve,
 };
@@ -22,7 +23,7 @@ const INPUT_NAMES: [&str; 6] = [
 ];
 
 /// Reconstruction, inputs and top view of several flights.
-pub(super) fn figures(flights: &[Drawn], title: Option<&str>) -> Result<Vec<(String, String)>> {
+pub(super) fn figures(flights: &[Drawn], title: Option<&str>) -> Result<[String; 3]> {
     let title = titled(flights, title);
     let each = || FLIGHTS.into_iter().zip(flights);
     let first = flights.first().map_or(&[][..], |flight| flight.channels);
@@ -30,16 +31,10 @@ pub(super) fn figures(flights: &[Drawn], title: Option<&str>) -> Result<Vec<(Str
     let inputs = INPUT_NAMES.iter().enumerate();
     let inputs = inputs.map(|(place, name)| of_input(place, name, each()));
     let paths: Vec<([Line; 2], _)> = each().map(|(lines, f)| (lines, &f.series)).collect();
-    Ok(vec![
-        (
-            RECONSTRUCTION.to_owned(),
-            figure_svg(&title, &channels.collect::<Vec<_>>())?,
-        ),
-        (
-            INPUTS.to_owned(),
-            figure_svg(&title, &inputs.collect::<Vec<_>>())?,
-        ),
-        (TOP_VIEW.to_owned(), top_view::svg(&title, &paths)?),
+    Ok([
+        figure_svg(&title, &channels.collect::<Vec<_>>())?,
+        figure_svg(&title, &inputs.collect::<Vec<_>>())?,
+        top_view::svg(&title, &paths)?,
     ])
 }
 
