@@ -24,7 +24,7 @@ use super::{estimate, terminal};
     after_help = "Exit code 5: the recording cannot be trusted, and no figure was drawn; or the estimate cannot, as `bodyflight estimate` \
                   judges it, and the titles say so.\n\nExamples:\n  bodyflight figures flight.toml --format pdf --out figures\n  \
                   bodyflight figures flight.toml --preset turning --from 0.5 --to 1.5\n  \
-                  bodyflight figures novice.toml expert.toml --format pdf\n\n\
+                  bodyflight figures student expert --format pdf\n\n\
                   Presets and methods as in `bodyflight estimate --help`. Presets of the paper show what they measure."
 )]
 pub(super) struct Args {
