@@ -37,10 +37,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Track> {
         }
         at += payload.len() + 8;
     }
-    let (fixes, out_of_order, notes) = in_order(
-        fixes,
-        |(time, ..): &mut (f64, [f64; 2], f64, Vector3<f64>, f64)| time,
-    );
+    let (fixes, out_of_order, notes) = in_order(fixes, |(time, ..): &mut Fix| time);
     let mut flat = Flat::default();
     let first = fixes.first().map(|(time, ..)| *time);
     let samples = fixes
@@ -82,8 +79,11 @@ fn payload(bytes: &[u8]) -> Option<&[u8]> {
 }
 
 /// Time (s since 1970), latitude and longitude (degrees), height above mean sea level (m), velocity north, west, up
-/// and its accuracy (m/s); `None` without a fix in three dimensions.
-fn fix(payload: &[u8]) -> Option<(f64, [f64; 2], f64, Vector3<f64>, f64)> {
+/// and its accuracy (m/s).
+type Fix = (f64, [f64; 2], f64, Vector3<f64>, f64);
+
+/// Reads a solution; `None` without a fix in three dimensions.
+fn fix(payload: &[u8]) -> Option<Fix> {
     let four = |at: usize| {
         Some(f64::from(i32::from_le_bytes(
             payload.get(at..at + 4)?.try_into().ok()?,
