@@ -64,7 +64,7 @@ impl Velocities {
     pub fn correct(&mut self, sensors: &Sensors<f64>) {
         if let Self::Solved(solutions) = self {
             for (_, solution) in solutions {
-                solution.velocity = solution.velocity - sensors.velocity_offset;
+                solution.velocity -= sensors.velocity_offset;
                 solution.age += sensors.velocity_latency;
             }
         }
