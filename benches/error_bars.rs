@@ -4,13 +4,15 @@
 //! `cargo bench -p bodyflight-benches --bench error_bars` prints the table of `docs/estimator.md`. Inputs are those of the
 //! maneuver, and beside them vary as slowly and as much as the filter expects of quiet input; otherwise a bar that says how
 //! much they may vary would only ever be too large. `--from SEED`, `--seeds NUMBER` and `--only NAME,NAME` select flights,
-//! `--each` prints each maneuver. `--flights FOLDER` reads flights with a `truth.json` instead.
+//! `--degrees 4,8` selects sizes of joint errors, `--each` prints each maneuver. `--flights FOLDER` reads flights with a `truth.json` instead; with `--receiver RATE` their
+//! velocities are those of a receiver with this rate, whose errors last for `--lasts SECONDS`.
 #![expect(clippy::expect_used, reason = "a failing bench may panic")]
 
 use std::path::{Path, PathBuf};
 
 use bodyflight_core::axis::AxisCoefficients;
 use bodyflight_core::estimator::motion::settings::MOTION;
+use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
@@ -22,6 +24,7 @@ use bodyflight_replay::Precision;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::subject::Subject;
 use bodyflight_tests::estimator_flights::Noise;
+use bodyflight_tests::receiver::Receiver;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde_json::Value;
 
@@ -37,7 +40,7 @@ const VARIES: [([f64; 3], f64); 2] = [([0.3, 0.3, 0.3], 4.0), ([1.0, 0.4, 1.5], 
 const SEEN: f64 = 0.7;
 
 const HEAD: &str = "\
-| joints (deg) | by | muscle input: squared error over variance, RMS error | damping: the same | where seen: muscle input, damping (share) | in 2 sd, % | joints found (deg) | doubted |
+| joints (deg) | by | muscle input: squared error over variance, RMS error | damping: the same | where seen: muscle input, damping (share) | in 2 sd, % | joints found (deg) | doubted, consistent |
 |---|---|---|---|---|---|---|---|";
 
 /// Sums over estimates. Of two, the first is muscle input and the second is damping.
@@ -52,6 +55,8 @@ struct Score {
     /// Size of the joint errors as found, by flight (deg).
     joints: Vec<f64>,
     doubted: f64,
+    /// Estimates that are consistent.
+    consistent: f64,
 }
 
 impl Score {
@@ -63,6 +68,8 @@ impl Score {
             let [_, deviation @ ..] = point.deviation.columns();
             let truth = truth(point.time);
             score.points += 3.0;
+            let is_consistent = point.consistency == Some(Consistency::Consistent);
+            score.consistent += 3.0 * f64::from(u8::from(is_consistent));
             for k in 0..6 {
                 let kind = k / 3;
                 let error = found[k] - truth[k];
@@ -89,6 +96,7 @@ impl Score {
         add(self.seen.as_flattened_mut(), other.seen.as_flattened());
         self.points += other.points;
         self.doubted += other.doubted;
+        self.consistent += other.consistent;
         self.joints.extend(&other.joints);
         self
     }
@@ -112,12 +120,13 @@ impl Score {
         let place = |share: usize| joints.get(share * joints.len().saturating_sub(1) / 2);
         let [least, middle, most] = [0, 1, 2].map(|k| place(k).copied().unwrap_or(f64::NAN));
         format!(
-            "| {name} | {by} | {} | {} | {} | {muscle:.0}, {damping:.0} | {middle:.2} ({least:.2} to {most:.2}) | {} of {} |",
+            "| {name} | {by} | {} | {} | {} | {muscle:.0}, {damping:.0} | {middle:.2} ({least:.2} to {most:.2}) | {} of {}, {:.0} % |",
             kind(0),
             kind(1),
             seen.join(", "),
             self.doubted,
-            joints.len()
+            joints.len(),
+            100.0 * self.consistent / self.points
         )
     }
 }
@@ -197,33 +206,25 @@ fn flown(maneuver: &Maneuver, seed: u64, joint_error: JointError) -> [Score; 2] 
     })
 }
 
-/// Prints the rows of flights in a folder, and of those together that are not doubted.
-fn recorded(folder: &Path) {
+/// Prints the rows of the pairs of flights in a folder that are meant, with the velocities of a receiver if there is
+/// one, and of those together that are not doubted.
+fn recorded(folder: &Path, is_meant: &dyn Fn(&str) -> bool, receiver: Option<Receiver>) {
     let mut flights: Vec<PathBuf> = std::fs::read_dir(folder)
         .expect("a folder")
-        .flat_map(|entry| {
-            let pair = entry.expect("an entry").path();
-            ["flight-0", "flight-1"].map(|part| pair.join(part))
-        })
+        .map(|entry| entry.expect("an entry"))
+        .filter(|pair| is_meant(&pair.file_name().to_string_lossy()))
+        .flat_map(|pair| ["flight-0", "flight-1"].map(|part| pair.path().join(part)))
         .filter(|flight| flight.is_dir())
         .collect();
     flights.sort();
+    let scores: Vec<[Score; 2]> = flights
+        .par_iter()
+        .map(|flight| of_recorded(flight, receiver))
+        .collect();
     let mut all = [Score::default(), Score::default()];
-    for from in flights {
-        let to = tempfile::tempdir().expect("a folder");
-        for name in ["flight.toml", "subject.toml", "segments.json"] {
-            std::fs::copy(from.join(name), to.path().join(name)).expect("a file");
-        }
-        let packed = from.join("flight.mvnx.xz");
-        std::fs::copy(packed, to.path().join("flight.mvnx")).expect("a recording");
-        let text = std::fs::read_to_string(from.join("truth.json")).expect("the truth");
-        let truth: Value = serde_json::from_str(&text).expect("JSON");
-        let pitch = truth["in_pitch"].as_f64().unwrap_or(0.0);
-        let damping = truth["damp"].as_f64().unwrap_or(1.0);
-        let truth = [pitch, 0.0, 0.0, 3.0 * damping, 0.5 * damping, 6.0 * damping];
-        let flight = Flight::read(&to.path().join("flight.toml")).expect("a flight");
+    for (from, scores) in flights.iter().zip(&scores) {
         let name = from.strip_prefix(folder).expect("inside").display();
-        for (k, score) in scores(&flight, |_| truth).iter().enumerate() {
+        for (k, score) in scores.iter().enumerate() {
             println!("{}", score.row(&name.to_string(), METHODS[k].0));
             if score.doubted == 0.0 {
                 all[k] = all[k].clone().merge(score);
@@ -235,33 +236,67 @@ fn recorded(folder: &Path) {
     }
 }
 
+/// Estimates a flight with a `truth.json`.
+fn of_recorded(from: &Path, receiver: Option<Receiver>) -> [Score; 2] {
+    let to = tempfile::tempdir().expect("a folder");
+    for name in ["flight.toml", "subject.toml", "segments.json"] {
+        std::fs::copy(from.join(name), to.path().join(name)).expect("a file");
+    }
+    let packed = from.join("flight.mvnx.xz");
+    let recording = to.path().join("flight.mvnx");
+    std::fs::copy(packed, &recording).expect("a recording");
+    let text = std::fs::read_to_string(from.join("truth.json")).expect("the truth");
+    let truth: Value = serde_json::from_str(&text).expect("JSON");
+    let pitch = truth["in_pitch"].as_f64().unwrap_or(0.0);
+    let damping = truth["damp"].as_f64().unwrap_or(1.0);
+    let truth = [pitch, 0.0, 0.0, 3.0 * damping, 0.5 * damping, 6.0 * damping];
+    let mut flight = Flight::read(&to.path().join("flight.toml")).expect("a flight");
+    if let Some(receiver) = receiver {
+        let track = to.path().join("TRACK.CSV");
+        std::fs::write(&track, receiver.track(&recording, 5)).expect("a track");
+        flight.gnss = Some(track);
+    }
+    scores(&flight, |_| truth)
+}
+
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     let option = |name: &str| {
         let place = arguments.iter().position(|argument| argument == name);
         place.and_then(|place| arguments.get(place + 1)).cloned()
     };
+    let only = option("--only");
+    let is_meant = |name: &str| {
+        let only = only.as_ref();
+        only.is_none_or(|only| only.split(',').any(|meant| meant == name))
+    };
     println!("{HEAD}");
     if let Some(folder) = option("--flights") {
-        recorded(Path::new(&folder));
+        let seconds = |name: &str| option(name).map(|text| text.parse().expect("a number"));
+        let receiver = seconds("--receiver").map(|rate| Receiver {
+            rate,
+            deviation: 0.25,
+            lasts: seconds("--lasts").unwrap_or(0.0),
+            before: 7.3,
+        });
+        recorded(Path::new(&folder), &is_meant, receiver);
         return;
     }
     let number = |name: &str, default: u64| {
         option(name).map_or(default, |text| text.parse().expect("a number"))
     };
     let (from, seeds) = (number("--from", 601), number("--seeds", 1));
-    let only = option("--only");
-    let is_meant = |name: &str| {
-        let only = only.as_ref();
-        only.is_none_or(|only| only.split(',').any(|meant| meant == name))
-    };
     let flights: Vec<(&Maneuver, u64)> = MANEUVERS
         .iter()
         .filter(|maneuver| is_meant(maneuver.name))
         .flat_map(|maneuver| (from..from + seeds).map(move |seed| (maneuver, seed)))
         .collect();
+    let sizes = option("--degrees").map_or(DEGREES.to_vec(), |text| {
+        let sizes = text.split(',').map(|size| size.parse().expect("a number"));
+        sizes.collect()
+    });
     for kind in ["constant", "wandering"] {
-        for degrees in DEGREES {
+        for &degrees in &sizes {
             let size = degrees.to_radians();
             let joint_error = match kind {
                 "constant" => JointError {

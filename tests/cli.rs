@@ -354,6 +354,28 @@ fn figures_are_written_and_bad_input_of_the_viewer_is_named() {
     assert!(message.contains(doubt), "{message}\n{said}");
     let svg = std::fs::read_to_string(folder.path().join("figures/inputs.svg")).expect("a file");
     assert!(svg.contains("(doubtful)"));
+    // The times without trust are shaded, and only in doubtful flights.
+    assert!(svg.contains("\ndoubtful\n") || svg.contains("\nlost\n"));
+    // Several flights share their axes, and each has its own colour and bars.
+    let both = folder.path().join("both");
+    let both = both.to_str().expect("a plain path");
+    let report = json(&["figures", &flight, &flight, "--to", "2", "--out", both]);
+    let figures = report["figures"].as_array().expect("a list");
+    assert_eq!(figures.len(), 5, "{report}");
+    let drawn = |name: &str| {
+        let path = Path::new(both).join(name);
+        std::fs::read_to_string(path).expect("a figure")
+    };
+    let inputs = drawn("inputs.svg");
+    assert_eq!(inputs.matches("<polygon").count(), 12);
+    for legend in ["\nA\n", "\nB\n", "damping, roll"] {
+        assert!(inputs.contains(legend), "{legend}");
+    }
+    assert!(drawn("reconstruction.svg").contains("B measured"));
+    drawn("snapshots-B.svg");
+    let many = [&["figures"][..], &[flight.as_str(); 6]].concat();
+    let message = fails(&many, 2);
+    assert!(message.contains("at most 5 flights"), "{message}");
     let message = fails(
         &["figures", &flight, "--from", "500", "--out", out, "--force"],
         2,

@@ -8,6 +8,7 @@
 use std::path::{Path, PathBuf};
 
 use bodyflight_shared_data::{shared, skipped};
+use bodyflight_tests::receiver::Receiver;
 use std::process::Command;
 
 use serde_json::Value;
@@ -39,14 +40,21 @@ fn truth(flight: &Path) -> [f64; 6] {
     [pitch, 0.0, 0.0, 3.0 * damping, 0.5 * damping, 6.0 * damping]
 }
 
-/// Runs the estimate. Returns whether it reports doubt, and the longest uninterrupted time (s) for which any input had
-/// an error above four standard deviations and was reported as consistent.
-fn judged(flight: &Path, truth: [f64; 6], method: &str) -> (bool, f64) {
+/// A row of a table of estimates.
+struct Row {
+    time: f64,
+    is_consistent: bool,
+    /// Muscle input and damping, each with its standard deviation.
+    inputs: [(f64, f64); 6],
+}
+
+/// Runs the estimate. Returns its report, whether it reports doubt, and its table.
+fn estimated(flight: &Path, method: &str) -> (Value, bool, Vec<Row>) {
     let table = flight.with_file_name(format!("{method}.csv"));
     let output = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
         .arg("estimate")
         .arg(flight)
-        .args(["--json", "--method", method, "--out"])
+        .args(["--json", "--method", method, "--force", "--out"])
         .arg(&table)
         .output()
         .expect("the binary starts");
@@ -56,10 +64,14 @@ fn judged(flight: &Path, truth: [f64; 6], method: &str) -> (bool, f64) {
         "{code:?}: {}",
         String::from_utf8_lossy(&output.stderr)
     );
+    let report = serde_json::from_slice(&output.stdout).expect("JSON");
     let text = std::fs::read_to_string(&table).expect("the table");
     let mut lines = text.lines();
     let columns: Vec<&str> = lines.next().expect("a head").split(',').collect();
-    let place = |name: &str| columns.iter().position(|column| *column == name);
+    let place = |name: &str| {
+        let place = columns.iter().position(|column| *column == name);
+        place.expect("a column of that name")
+    };
     let names = [
         "pitch",
         "yaw",
@@ -68,26 +80,39 @@ fn judged(flight: &Path, truth: [f64; 6], method: &str) -> (bool, f64) {
         "damp_yaw",
         "damp_roll",
     ];
-    let places = names.map(|name| {
-        let deviation = place(&format!("sd_{name}")).expect("a deviation");
-        (place(name).expect("an input"), deviation)
-    });
+    let places = names.map(|name| (place(name), place(&format!("sd_{name}"))));
     let (time, state) = (place("time_s"), place("consistency"));
-    let (time, state) = (time.expect("the time"), state.expect("the state"));
-    let (mut last, mut runs, mut longest) = (0.0, [0.0; 6], 0.0f64);
-    for line in lines {
+    let row = |line: &str| {
         let fields: Vec<&str> = line.split(',').collect();
         let number = |place: usize| fields[place].parse::<f64>().expect("a number");
-        let now = number(time);
-        for ((run, truth), (input, deviation)) in runs.iter_mut().zip(truth).zip(places) {
-            let wrong = (number(input) - truth).abs() > 4.0 * number(deviation);
-            let unflagged = wrong && fields[state] == "consistent";
-            *run = if unflagged { *run + now - last } else { 0.0 };
+        Row {
+            time: number(time),
+            is_consistent: fields[state] == "consistent",
+            inputs: places.map(|(input, deviation)| (number(input), number(deviation))),
+        }
+    };
+    (report, code == Some(5), lines.map(row).collect())
+}
+
+/// Runs the estimate. Returns whether it reports doubt, and the longest uninterrupted time (s) for which any input had
+/// an error above four standard deviations and was reported as consistent.
+fn judged(flight: &Path, truth: [f64; 6], method: &str) -> (bool, f64) {
+    let (_, is_doubted, rows) = estimated(flight, method);
+    let (mut last, mut runs, mut longest) = (0.0, [0.0; 6], 0.0f64);
+    for row in rows {
+        for ((run, truth), (input, deviation)) in runs.iter_mut().zip(truth).zip(row.inputs) {
+            let wrong = (input - truth).abs() > 4.0 * deviation;
+            let unflagged = wrong && row.is_consistent;
+            *run = if unflagged {
+                *run + row.time - last
+            } else {
+                0.0
+            };
             longest = longest.max(*run);
         }
-        last = now;
+        last = row.time;
     }
-    (code == Some(5), longest)
+    (is_doubted, longest)
 }
 
 #[test]
@@ -129,4 +154,51 @@ fn flights_of_another_simulator_are_consistent_or_flagged() {
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+/// Velocities between a receiver's solutions are interpolated, and count as no measurements: otherwise three quarters of these
+/// estimates are doubtful.
+#[test]
+fn a_receiver_at_any_rate_is_agreed_with() {
+    let Some(flights) = shared("flights") else {
+        return;
+    };
+    // Solutions in a second, and how long errors last (s).
+    let receivers = [(5.0, 0.0), (10.0, 2.0), (1.0, 0.0)];
+    let mut shares = Vec::new();
+    for pair in ["none-mixed-102", "none-slow-101"] {
+        let from = flights.join(pair).join("flight-0");
+        let folder = tempfile::tempdir().expect("a folder");
+        let Some(flight) = unpacked(&from, folder.path()) else {
+            skipped("there is no xz to unpack the flights with");
+            return;
+        };
+        let text = std::fs::read_to_string(&flight).expect("the flight");
+        std::fs::write(&flight, format!("gnss = \"TRACK.CSV\"\n{text}")).expect("a file");
+        for (rate, lasts) in receivers {
+            let receiver = Receiver {
+                rate,
+                deviation: 0.25,
+                lasts,
+                before: 6.4,
+            };
+            let track = receiver.track(&folder.path().join("flight.mvnx"), 3);
+            std::fs::write(folder.path().join("TRACK.CSV"), track).expect("a file");
+            let (report, is_doubted, rows) = estimated(&flight, "filter");
+            let name = format!("{pair}, {rate} Hz, errors of {lasts} s");
+            assert!(!is_doubted, "{name}: {report}");
+            let share = report["consistency"]["consistent"].as_f64();
+            shares.push((name.clone(), share.expect("a share")));
+            let truth = truth(&from);
+            let ratios = rows.iter().flat_map(|row| {
+                let pairs = row.inputs.into_iter().zip(truth).take(3);
+                pairs.map(|((found, deviation), truth)| ((found - truth) / deviation).powi(2))
+            });
+            let ratios: Vec<f64> = ratios.collect();
+            let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+            assert!(mean < 1.3, "{name}: {mean}");
+        }
+    }
+    let mean = shares.iter().map(|(_, share)| share).sum::<f64>() / shares.len() as f64;
+    assert!(mean > 0.9, "{mean}: {shares:?}");
 }

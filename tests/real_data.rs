@@ -5,12 +5,11 @@
     reason = "tests may panic: that is how they fail"
 )]
 
-use std::fmt::Write;
 use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-use bodyflight_mvnx::recording::{FlightFrame, Options, Recording};
+use bodyflight_tests::receiver::Receiver;
 use serde_json::Value;
 
 fn bodyflight(arguments: &[&str]) -> Output {
@@ -88,62 +87,6 @@ fn written(folder: &Path, name: &str, text: &str) -> String {
     path.to_str().expect("plain").to_owned()
 }
 
-/// The track that a FlySight 2 would record during a recorded flight: 5 rows a second, with a receiver's noise. Its
-/// clock is ahead of the recording's by `shift` plus one second (s).
-fn track_of(recording: &Path, shift: f64) -> String {
-    let frames: Vec<FlightFrame> = Recording::open(recording, Options::default())
-        .expect("a flight")
-        .map(|frame| frame.expect("a frame"))
-        .collect();
-    let mut text = "$FLYS,1\n$VAR,FIRMWARE_VER,v2023.07.01\n\
-                    $COL,GNSS,time,lat,lon,hMSL,velN,velE,velD,hAcc,vAcc,sAcc,numSV\n\
-                    $UNIT,GNSS,,deg,deg,m,m/s,m/s,m/s,m,m,m/s,\n$DATA\n"
-        .to_owned();
-    let mut random = 5_u64;
-    let mut noise = || {
-        let mut sum = 0.0;
-        for _ in 0..12 {
-            random = random
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            sum += (random >> 40) as f64 / (1u64 << 24) as f64;
-        }
-        0.05 * (sum - 6.0)
-    };
-    let last = frames[frames.len() - 1].time;
-    let mut time = -1.0 - shift;
-    while time <= last + 1.0 {
-        // The receiver's filter: the mean over a tenth of a second.
-        let near = |frame: &&FlightFrame| (frame.time - time.clamp(0.0, last)).abs() <= 0.05;
-        let velocities: Vec<_> = frames
-            .iter()
-            .filter(near)
-            .map(|frame| frame.pelvis.velocity.expect("a velocity").components)
-            .collect();
-        let count = velocities.len() as f64;
-        let mean = velocities.iter().fold([0.0; 3], |sum, velocity| {
-            [
-                sum[0] + velocity.x,
-                sum[1] + velocity.y,
-                sum[2] + velocity.z,
-            ]
-        });
-        let [north, west, up] = mean.map(|sum| sum / count);
-        // The first row of a track is at time zero.
-        let since = time + 1.0 + shift;
-        let (minute, second) = ((since / 60.0).floor(), since % 60.0);
-        let _ = writeln!(
-            text,
-            "$GNSS,2024-06-01T12:{minute:02}:{second:06.3}Z,46.0,8.0,3000.0,{:.2},{:.2},{:.2},3.0,4.0,0.4,14",
-            north + noise(),
-            -west + noise(),
-            -(up + noise())
-        );
-        time += 0.2;
-    }
-    text
-}
-
 /// A recording in which `change` modifies the numbers of each element of this name; it also gets the element's index.
 fn changed(good: &str, element: &str, change: &dyn Fn(usize, &[f64]) -> Vec<f64>) -> String {
     let (open, close) = (format!("<{element}>"), format!("</{element}>"));
@@ -219,13 +162,25 @@ fn a_track_is_aligned_with_a_suit_and_replaces_its_velocity() {
         "with-track.toml",
         &format!("gnss = \"TRACK.CSV\"\n{text}"),
     );
-    for shift in [0.0873, 3.1419, 17.3461] {
-        written(folder.path(), "TRACK.CSV", &track_of(&recording, shift));
+    let track = |deviation: f64, before: f64| {
+        let receiver = Receiver {
+            rate: 5.0,
+            deviation,
+            lasts: 0.0,
+            before,
+        };
+        let track = receiver.track(&recording, 5);
+        written(folder.path(), "TRACK.CSV", &track);
+    };
+    for before in [1.0873, 4.1419, 18.3461] {
+        track(0.05, before);
         let (report, _) = json(&["simulate", &with_track]);
-        let found = number(&report["gnss"]["shift_s"]) - 1.0;
-        assert!((found - shift).abs() < 0.01, "{}", report["gnss"]);
+        let found = number(&report["gnss"]["shift_s"]);
+        assert!((found - before).abs() < 0.01, "{}", report["gnss"]);
     }
 
+    // The recorded velocities that it is made of have noise too, which is in what it states.
+    track(0.15, 18.3461);
     let estimated = |flight: &str, name: &str| {
         let table = folder.path().join(name);
         let path = table.to_str().expect("plain");

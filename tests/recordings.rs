@@ -51,7 +51,7 @@ struct Raw {
     position: HashMap<String, Vector3<f64>>,
 }
 
-fn raw_frames(path: &Path) -> (Vec<Raw>, Reader<BufReader<std::fs::File>>) {
+fn raw_frames(path: &Path) -> (Vec<Raw>, Reader<'static>) {
     let file = BufReader::new(std::fs::File::open(path).expect("the file"));
     let mut reader = Reader::new(file, path, ReadOptions::default()).expect("a recording");
     let labels: Vec<String> = reader

@@ -7,6 +7,7 @@ pub mod greeting;
 pub mod long_recording;
 pub mod program;
 pub mod range_watch;
+pub mod receiver;
 pub mod small_recording;
 pub mod text_inputs;
 pub mod transitions;

@@ -62,7 +62,12 @@ impl JointErrors {
 
 /// Finds how large the joint errors are.
 pub(crate) fn joint_errors(run: &Run<'_>, preset: &MotionPreset) -> Result<JointErrors> {
-    if let Some(size) = constant(run, preset)? {
+    let constant = if run.velocities.are_sampled() {
+        constant(run, preset)?
+    } else {
+        None
+    };
+    if let Some(size) = constant {
         return Ok(JointErrors {
             size,
             source: if size.is_seen() {
@@ -108,8 +113,7 @@ fn constant(run: &Run<'_>, preset: &MotionPreset) -> Result<Option<Size>> {
             }
         },
     )?;
-    let whole = part.whole(preset, Sizes::any(), &states, &activity);
-    Ok(whole.solve()?.map(|solution| solution.size))
+    part.whole(preset, Sizes::any(), &states, &activity).size()
 }
 
 /// The most likely size (rad) of joint errors that wander.

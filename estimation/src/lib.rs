@@ -18,6 +18,7 @@ pub mod request;
 mod run;
 pub mod size;
 pub mod smoother;
+pub mod velocities;
 pub mod verdict;
 pub mod whole;
 pub mod windows;

@@ -14,6 +14,8 @@ use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvnx::recording::{FlightFrame, Options, Warning};
 use bodyflight_replay::flight::Flight;
 
+use crate::velocities::Velocities;
+
 /// The measurements of a flight.
 #[derive(Debug, Clone)]
 pub struct MeasuredFlight {
@@ -21,6 +23,8 @@ pub struct MeasuredFlight {
     pub samples: Vec<FlightSample>,
     /// The frames that the samples come from.
     pub frames: Vec<FlightFrame>,
+    /// Where the velocities come from.
+    pub velocities: Velocities,
     /// Sample rate (Hz).
     pub rate: f64,
     /// What is implausible in the recording.
@@ -47,8 +51,10 @@ impl MeasuredFlight {
             );
         }
         let samples = frames.iter().map(FlightFrame::sample);
+        let samples = samples.collect::<Result<Vec<FlightSample>>>()?;
         Ok(Self {
-            samples: samples.collect::<Result<_>>()?,
+            velocities: Velocities::of(recording.solutions(), &samples),
+            samples,
             frames,
             rate,
             warnings: recording.warnings(),
@@ -60,6 +66,7 @@ impl MeasuredFlight {
         if *sensors == Sensors::perfect() {
             return;
         }
+        self.velocities.correct(sensors);
         let seen = self.samples.clone();
         let start = seen.first().map_or(0.0, |first| first.time);
         for (index, sample) in self.samples.iter_mut().enumerate() {
@@ -116,13 +123,23 @@ impl MeasuredFlight {
         let attitude = (0..3)
             .map(|axis| noise_of_differences(turns.iter().map(|v| v[axis])))
             .collect();
-        let horizontal = velocity.iter().take(2).copied().collect();
-        let vertical = velocity.iter().skip(2).copied().collect();
+        let [horizontal_velocity, vertical_velocity] = match self.velocities.deviations() {
+            #[expect(clippy::cast_possible_truncation, reason = "deviations")]
+            Some(stated) => stated.map(|deviation| deviation as f32),
+            None => {
+                let horizontal = velocity.iter().take(2).copied().collect();
+                let vertical = velocity.iter().skip(2).copied().collect();
+                [
+                    seen(horizontal, preset.horizontal_velocity),
+                    seen(vertical, preset.vertical_velocity),
+                ]
+            }
+        };
         Noise {
             attitude: seen(attitude, preset.attitude),
             angular_velocity: seen(spin, preset.angular_velocity),
-            horizontal_velocity: seen(horizontal, preset.horizontal_velocity),
-            vertical_velocity: seen(vertical, preset.vertical_velocity),
+            horizontal_velocity,
+            vertical_velocity,
             horizontal_speed: preset.horizontal_speed,
         }
     }

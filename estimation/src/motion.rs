@@ -81,6 +81,7 @@ pub fn estimate(
     let run = Run {
         flight,
         samples: &measured.samples,
+        velocities: &measured.velocities,
         rate: measured.rate,
         dynamics: model.dynamics,
         applied: model.applied,
@@ -101,7 +102,8 @@ pub fn estimate(
     } else {
         Consistency::Consistent
     };
-    let smooth = (settings.method == Method::Smooth).then(|| {
+    let is_smoothed = settings.method == Method::Smooth && measured.velocities.are_sampled();
+    let smooth = is_smoothed.then(|| {
         if find_joint_error {
             Sizes::any()
         } else {

@@ -7,7 +7,6 @@ use bodyflight_core::dynamics::muscle_input::MuscleModel;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
 use bodyflight_core::estimator::motion::MotionFilter;
 use bodyflight_core::estimator::motion::estimate::{MotionEstimate, Recorder};
-use bodyflight_core::estimator::motion::measurement::MotionMeasurement;
 use bodyflight_core::estimator::motion::settings::MotionPreset;
 use bodyflight_core::estimator::motion::state::{Difference, FlightState, MUSCLE, inputs_of};
 use bodyflight_core::estimator::motion::watch::Consistency;
@@ -17,6 +16,7 @@ use bodyflight_core::flight_sample::FlightSample;
 use crate::forward::{STRIDE, Sample};
 use crate::report::{Flags, Point, Watched};
 use crate::size::Sizes;
+use crate::velocities::Velocities;
 use crate::verdict::Collector;
 use crate::whole::Whole;
 use bodyflight_io::diagnostic::{Problem, Result};
@@ -33,6 +33,8 @@ pub(crate) struct Run<'a> {
     pub(crate) flight: &'a Flight,
     /// What was measured, in order of time.
     pub(crate) samples: &'a [FlightSample],
+    /// Where the velocities come from.
+    pub(crate) velocities: &'a Velocities,
     /// Sample rate (Hz).
     pub(crate) rate: f64,
     pub(crate) dynamics: Dynamics<f64>,
@@ -82,7 +84,7 @@ impl<'a> Run<'a> {
             filter.apply(&applied, T::of(middle - first.time), T::of(duration));
             filter.dynamics_mut().muscles = self.muscles_at(instant.time);
             before(index, &mut filter);
-            let measured = MotionMeasurement::of(&instant.motion).cast().into();
+            let measured = self.velocities.measured(self.samples, index + 1).cast();
             let estimate = filter.push_recorded(&instant.posture.cast(), &measured, recorder);
             each(index, &filter, estimate);
             if index.is_multiple_of(256) {

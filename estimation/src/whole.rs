@@ -22,8 +22,12 @@ use crate::smoother::{Pass, Score};
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::progress;
 
-/// Number of iterations. The second reaches the sensor noise; the others settle the assumed noise and the active axes.
-const ITERATIONS: usize = 4;
+/// Least and largest number of iterations. The second reaches the sensor noise; two more settle the assumed noise and the
+/// active axes, and the size of the joint errors. The errors themselves take longer, the more so the larger they are.
+const ITERATIONS: [usize; 2] = [4, 12];
+
+/// Largest step of a joint error, in its standard deviations, at which the iteration has reached it.
+const SETTLED: f64 = 0.5;
 
 /// Wander of the joints (deg) above which their errors are not constant, so that a filter that forgets them is better.
 /// Its estimate is below 0.13 on synthetic flights with constant errors, and above 0.7 if they wander by 1 degree.
@@ -80,26 +84,41 @@ impl<'a> Whole<'a> {
         }
     }
 
-    /// Solves for the start and the end of each interval; `None` if there is no solution or if joint errors wander.
+    /// Solves for the start and the end of each interval; `None` if there is no solution, if joint errors wander, or if they
+    /// do not settle, because they are too large for the loads to be linear in them.
     ///
     /// # Errors
     /// Returns an error if the program is interrupted.
     pub fn solve(mut self) -> Result<Option<Solution>> {
-        let mut solution = None;
-        for iteration in 1..=ITERATIONS {
-            progress::stage(format!("smoothing, pass {iteration} of {ITERATIONS}"));
-            let Some(next) = self.iterate()? else {
-                break;
-            };
-            solution = Some(next);
-            if self.assumed.preset.joint_error > STAYS.to_radians() {
+        let [least, most] = ITERATIONS;
+        for iteration in 1..=most {
+            progress::stage(format!("smoothing, pass {iteration}"));
+            let Some((mut solution, step)) = self.iterate()? else {
                 return Ok(None);
+            };
+            if iteration >= least && step < SETTLED {
+                self.load_by_joints(&mut solution.known);
+                return Ok(Some(solution));
             }
         }
-        if let Some(solution) = &mut solution {
-            self.load_by_joints(&mut solution.known);
+        Ok(None)
+    }
+
+    /// The size of the joint errors, which settles before they do; `None` if there is no solution or if they wander.
+    ///
+    /// # Errors
+    /// Returns an error if the program is interrupted.
+    pub fn size(mut self) -> Result<Option<Size>> {
+        let mut size = None;
+        let [passes, _] = ITERATIONS;
+        for iteration in 1..=passes {
+            progress::stage(format!("smoothing, pass {iteration} of {passes}"));
+            let Some((solution, _)) = self.iterate()? else {
+                return Ok(None);
+            };
+            size = Some(solution.size);
         }
-        Ok(solution)
+        Ok(size)
     }
 
     /// The constants after a forward pass, as differences from their present values; `None` without a solution.
@@ -112,8 +131,9 @@ impl<'a> Whole<'a> {
         pass.information().constants(&expected, sizes, offsets)
     }
 
-    /// Moves trajectory, joint errors and assumptions to the solution of the linearized problem; `None` if there is none.
-    fn iterate(&mut self) -> Result<Option<Solution>> {
+    /// Moves trajectory, joint errors and assumptions to the solution of the linearized problem, and returns it with the
+    /// largest step of a joint error, in its standard deviations; `None` if there is none or if joint errors wander.
+    fn iterate(&mut self) -> Result<Option<(Solution, f64)>> {
         let Ok(flown) = Flown::along(&self.course, &self.assumed.preset)? else {
             return Ok(None);
         };
@@ -127,8 +147,13 @@ impl<'a> Whole<'a> {
         self.course.errors += found.errors.fixed_rows::<DIRECTIONS>(0);
         self.wake(&scores.each);
         self.assumed.follow(&scores);
+        let variances = found.covariance.diagonal();
+        let steps = found.errors.iter().zip(&variances).take(DIRECTIONS);
+        let steps = steps.map(|(step, variance)| step.abs() / variance.sqrt());
+        let step = steps.fold(0.0, f64::max);
         let size = found.size;
-        Ok(Some(Solution { known, size }))
+        let stays = self.assumed.preset.joint_error <= STAYS.to_radians();
+        Ok(stays.then_some((Solution { known, size }, step)))
     }
 
     /// Adds the effect of the joint errors to the residual load, so that recorded postures act like corrected ones.

@@ -19,6 +19,7 @@ mod receiver;
 mod rvc;
 
 use bodyflight_core::chain;
+use bodyflight_core::estimator::motion::sensors::VERTICAL_RATIO;
 use bodyflight_core::frame::{Rotation, Vector};
 use bodyflight_core::link::{
     Header, Motion, Readings, Sample, SegmentErrors, SensorKind, Sensors, Validity,
@@ -49,9 +50,6 @@ const LONGEST: usize = 512;
 /// Time that is assumed to pass while a sensor restarts (us). The true one is unknown; this is longer than the model
 /// bridges, so that the motion is taken anew from the next sample.
 const RESTART: u64 = 1_000_000;
-
-/// Ratio of a receiver's vertical to its stated deviation: satellites are above only.
-const VERTICAL_RATIO: f32 = 1.5;
 
 /// Standard deviation of a velocity in unknown axes (m/s).
 const NO_NORTH: f32 = 60.0;

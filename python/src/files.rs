@@ -181,21 +181,21 @@ fn view_named(name: &String) -> PyResult<View> {
     view.ok_or_else(|| unknown("view", name, &VIEWS.map(|(name, _)| name)))
 }
 
-/// Draws the figures of a paper into the folder `out`: reconstruction, inputs, path over ground, and a row of bodies. Returns
-/// their paths.
+/// Draws the figures of a paper into the folder `out`: reconstruction, inputs, path over ground, and rows of bodies, of one
+/// flight or of several on the same axes. Returns their paths.
 ///
 /// `preset`, `method` and `filter` are those of `estimate`; `between` are two times (s), either of which may be None, outside of
-/// which nothing is drawn. Issues a DoubtWarning if the estimate should not be trusted. `views` are one or several of "front", "side" and "top", `formats` of "svg", "pdf" and "png";
-/// `title` is by default the flight's name.
+/// which nothing is drawn. Issues a DoubtWarning if an estimate should not be trusted. `views` are one or several of "front",
+/// "side" and "top", `formats` of "svg", "pdf" and "png"; `title` is by default made of the flights' names.
 #[pyfunction]
 #[pyo3(
-    signature = (flight, out, *, preset = "auto", method = "filter", filter = None, between = (None, None), snapshots = 6, views = Several::One("side".to_owned()), formats = Several::One("svg".to_owned()), title = None, force = false, progress = None),
-    text_signature = "(flight, out, *, preset='auto', method='filter', filter=None, between=(None, None), snapshots=6, views='side', formats='svg', title=None, force=False, progress=None)"
+    signature = (flights, out, *, preset = "auto", method = "filter", filter = None, between = (None, None), snapshots = 6, views = Several::One("side".to_owned()), formats = Several::One("svg".to_owned()), title = None, force = false, progress = None),
+    text_signature = "(flights, out, *, preset='auto', method='filter', filter=None, between=(None, None), snapshots=6, views='side', formats='svg', title=None, force=False, progress=None)"
 )]
 #[expect(clippy::too_many_arguments, reason = "one for each option")]
 pub(crate) fn figures(
     py: Python<'_>,
-    flight: Flight,
+    flights: Several<Flight>,
     out: PathBuf,
     preset: &str,
     method: &str,
@@ -211,6 +211,12 @@ pub(crate) fn figures(
     if !(1..=40).contains(&snapshots) {
         let problem = Problem::bad_input(format!("expected 1 to 40, found {snapshots}"));
         return Err(raise(problem.at("snapshots")));
+    }
+    let flights = flights.all();
+    if !(1..=drawn::MOST).contains(&flights.len()) {
+        let (most, found) = (drawn::MOST, flights.len());
+        let problem = Problem::bad_input(format!("expected 1 to {most} flights, found {found}"));
+        return Err(raise(problem.at("flights")));
     }
     let format = |name: &String| {
         let found = Format::ALL
@@ -229,23 +235,22 @@ pub(crate) fn figures(
             .collect::<PyResult<_>>()?,
         formats: formats.all().iter().map(format).collect::<PyResult<_>>()?,
     };
-    let names = drawn::files(&settings.formats);
+    let names = drawn::files(flights.len(), &settings.formats);
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     destination::check_in(&out, &names, force).map_err(raise)?;
-    let title = title.unwrap_or_else(|| name_of(&flight.inner.recording));
-    let written = long(py, progress, |progress| {
+    let (figures, doubt) = long(py, progress, |progress| {
         let progress = &mut |time| progress(time);
-        drawn::write(
-            &flight.inner,
-            &title,
-            &settings,
-            flight.options,
-            &out,
-            progress,
-        )
+        let mut all = Vec::new();
+        for flight in &flights {
+            let (inner, options) = (&flight.inner, flight.options);
+            let name = name_of(&inner.recording);
+            all.push(drawn::Drawn::of(inner, name, &settings, options, progress)?);
+        }
+        let figures = drawn::write(&all, title.as_deref(), &settings, &out)?;
+        Ok((figures, all.into_iter().find_map(|drawn| drawn.doubt)))
     })?;
-    warn_of_doubt(py, written.doubt.as_deref())?;
-    Ok(written.figures)
+    warn_of_doubt(py, doubt.as_deref())?;
+    Ok(figures)
 }
 
 /// Writes a page that replays flights, with body, plots and forces, to the file `out`. Returns its path, its size in bytes and

@@ -8,7 +8,7 @@ use bodyflight_falls::channels::checked;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvnx::recording::{FlightFrame, Options, Recording, Warning, faults};
 
-use crate::gnss::{Alignment, aligned};
+use crate::gnss::{Alignment, Solution, aligned};
 use crate::person;
 use crate::support::Support;
 
@@ -16,6 +16,8 @@ use crate::support::Support;
 pub struct Frames {
     recording: Recording<'static>,
     alignment: Option<Alignment>,
+    /// Velocities as the receiver measured them, if there is a track.
+    solutions: Option<Vec<Solution>>,
     /// What the recording says against the person of the flight.
     other_person: Vec<Warning>,
     support: Support,
@@ -35,20 +37,22 @@ impl Frames {
     /// Returns an error if a file cannot be used, or the clocks cannot be aligned.
     pub fn open(recording: &Path, track: Option<&Path>, options: Options) -> Result<Self> {
         let mut frames = Recording::open(recording, options)?;
-        let mut alignment = None;
+        let (mut alignment, mut solutions) = (None, None);
         if let Some(path) = track {
             let track = bodyflight_tracks::read(path)?;
             let all = frames.collect::<Result<Vec<_>>>()?;
             // Channels in other units or without signs would fit no recording.
             let samples = checked(&track.samples, track.given).samples;
-            let track = aligned(&all, &samples).map_err(|problem| problem.in_file(path))?;
-            alignment = Some(track.alignment);
-            let velocities = Box::new(move |time| track.velocity_at(time));
+            let aligned = aligned(&all, &samples).map_err(|problem| problem.in_file(path))?;
+            alignment = Some(aligned.alignment);
+            solutions = Some(aligned.solutions(&track.speed_accuracy, track.given.velocities));
+            let velocities = Box::new(move |time| aligned.velocity_at(time));
             frames = Recording::open(recording, options)?.with_velocities(velocities);
         }
         Ok(Self {
             recording: frames,
             alignment,
+            solutions,
             other_person: Vec::new(),
             support: Support::default(),
             inputs: None,
@@ -143,6 +147,12 @@ impl Frames {
         warnings.extend(self.support.warnings());
         warnings.extend(self.uncovered());
         warnings
+    }
+
+    /// The receiver's solutions in order of time, if there is a track: the velocities of all frames in between are
+    /// interpolated.
+    pub fn solutions(&self) -> Option<&[Solution]> {
+        self.solutions.as_deref()
     }
 
     /// How the track was aligned with the recording's clock, if there is a track.

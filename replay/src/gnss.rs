@@ -40,6 +40,20 @@ pub struct Aligned {
     pub alignment: Alignment,
 }
 
+/// One solution of the receiver, on the clock of the recording and in its axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Solution {
+    /// Time (s).
+    pub time: f64,
+    /// Velocity over ground (m/s).
+    pub velocity: Vector<f64, Inertial>,
+    /// Its accuracy as the receiver states it (m/s), or what receivers usually reach.
+    pub accuracy: f64,
+}
+
+/// Accuracy of a velocity (m/s) that states none: as measured by a receiver, and as derived from positions.
+const UNSTATED: [f64; 2] = [0.5, 1.0];
+
 /// How a track is aligned with a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -323,9 +337,26 @@ fn thinned(frames: &[FlightFrame]) -> Result<Vec<(f64, Vector3<f64>)>> {
 impl Aligned {
     /// Velocity over ground at a time of the recording (m/s), in its axes; `None` if the track does not reach it.
     pub fn velocity_at(&self, time: f64) -> Option<Vector<f64, Inertial>> {
-        let velocity = velocity_at(&self.samples, time)?;
+        Some(self.in_axes(&velocity_at(&self.samples, time)?))
+    }
+
+    /// The solutions of the receiver. `stated` are the accuracies that it states, row by row as far as it does, and
+    /// `is_measured` whether it measured velocities, rather than positions alone.
+    pub fn solutions(&self, stated: &[Option<f64>], is_measured: bool) -> Vec<Solution> {
+        let usual = UNSTATED[usize::from(!is_measured)];
+        let rows = self.samples.iter().enumerate();
+        rows.map(|(row, sample)| Solution {
+            time: sample.time,
+            velocity: self.in_axes(&sample.velocity),
+            accuracy: stated.get(row).copied().flatten().unwrap_or(usual),
+        })
+        .collect()
+    }
+
+    /// A velocity of the track in the recording's axes.
+    fn in_axes(&self, velocity: &Vector3<f64>) -> Vector<f64, Inertial> {
         let turned = Rotation2::new(self.alignment.heading_rad) * velocity.xy();
-        Some(Vector::new(turned.x, turned.y, velocity.z))
+        Vector::new(turned.x, turned.y, velocity.z)
     }
 }
 

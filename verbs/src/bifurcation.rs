@@ -162,6 +162,7 @@ fn threshold_panel(dynamics: &Dynamics<f64>) -> Panel {
         caption: "pitch damping below which it oscillates".to_owned(),
         curves: ARCHES.map(curve).into(),
         bands: Vec::new(),
+        shades: Vec::new(),
         wraps: false,
     }
 }
@@ -189,6 +190,7 @@ pub fn svg(dynamics: &Dynamics<f64>) -> Result<String> {
         caption: caption.to_owned(),
         curves: curves(value),
         bands: Vec::new(),
+        shades: Vec::new(),
         wraps: false,
     };
     figure_svg_over(

@@ -1,10 +1,10 @@
 //! `bodyflight estimate` as a figure. The work itself is done by bodyflight-estimation.
 
-use bodyflight_core::estimator::motion::watch::MEAN_SQUARE;
+use bodyflight_core::estimator::motion::watch::{Consistency, MEAN_SQUARE};
 
 use crate::output::plot::{
-    AXES, Band, CONSTANT, Curve, ESTIMATED, LIMITS, Panel, WATCHED, figure_svg, measured_curve,
-    simulated_curve,
+    AXES, Band, CONSTANT, Curve, ESTIMATED, LIMITS, Panel, Shade, UNTRUSTED, WATCHED, figure_svg,
+    measured_curve, simulated_curve,
 };
 use bodyflight_estimation::Estimation;
 use bodyflight_estimation::report::Point;
@@ -15,8 +15,33 @@ use bodyflight_replay::input_history::InputRow;
 /// Mean squares above this are drawn at the edge of the consistency panel.
 const HIGHEST: f64 = 10.0;
 
+/// The times in which the filter itself does not trust its estimates.
+pub fn shades(points: &[Point]) -> Vec<Shade> {
+    let mut shades: Vec<Shade> = Vec::new();
+    let mut last = points.first().map_or(0.0, |point| point.time);
+    for point in points {
+        let begin = std::mem::replace(&mut last, point.time);
+        let line = match point.consistency {
+            None | Some(Consistency::Consistent) => continue,
+            Some(Consistency::Doubtful) => UNTRUSTED[0],
+            Some(Consistency::Lost) => UNTRUSTED[1],
+        };
+        match shades.last_mut() {
+            Some(Shade { line: same, during }) if *same == line && during[1] >= begin => {
+                during[1] = point.time;
+            }
+            _ => shades.push(Shade {
+                line,
+                during: [begin, point.time],
+            }),
+        }
+    }
+    shades
+}
+
 /// Panels of muscle input and damping over time.
 pub fn input_panels(estimation: &Estimation) -> [Panel; 2] {
+    let shades = shades(&estimation.points);
     let axes = |caption: &str, value: fn(&InputRow) -> [f64; 3]| Panel {
         caption: caption.to_owned(),
         curves: AXES
@@ -47,6 +72,7 @@ pub fn input_panels(estimation: &Estimation) -> [Panel; 2] {
                     .collect(),
             })
             .collect(),
+        shades: shades.clone(),
         wraps: false,
     };
     let joints = estimation.report.joint_error_in_words();
@@ -75,6 +101,7 @@ pub fn svg(estimation: &Estimation, title: &str) -> Result<String> {
         Channel::VerticalVelocity,
         Channel::YawRate,
     ];
+    let shades = shades(&estimation.points);
     let reconstructed = channels.map(|channel| {
         let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
         let (rms, constant) = (&estimation.report.rms, &estimation.report.rms_constant);
@@ -90,6 +117,7 @@ pub fn svg(estimation: &Estimation, title: &str) -> Result<String> {
                 simulated_curve(channel, estimation.estimated.series(), ESTIMATED),
             ],
             bands: Vec::new(),
+            shades: shades.clone(),
             wraps: channel.is_angle(),
         }
     });
@@ -135,6 +163,51 @@ fn consistency_panel(estimation: &Estimation) -> Panel {
         ),
         curves,
         bands: Vec::new(),
+        shades: shades(&estimation.points),
         wraps: false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bodyflight_core::dynamics::Inputs;
+    use bodyflight_estimation::report::Watched;
+    use bodyflight_replay::input_history::InputRow;
+
+    use super::*;
+
+    #[test]
+    fn times_without_trust_are_shaded_as_long_as_they_last() {
+        use Consistency::{Consistent, Doubtful, Lost};
+        let states = [Consistent, Doubtful, Doubtful, Lost, Consistent, Doubtful];
+        let inputs = InputRow::of(0.0, &Inputs::belly_turn());
+        let points: Vec<Point> = (0u8..)
+            .zip(states)
+            .map(|(k, state)| Point {
+                time: 0.5 * f64::from(k),
+                inputs,
+                deviation: inputs,
+                normalised_innovation: 1.0,
+                consistency: Some(state),
+                watched: Watched::of_all(1.0),
+                motion: None,
+            })
+            .collect();
+        let found: Vec<(&str, [f64; 2])> = shades(&points)
+            .iter()
+            .map(|shade| (shade.line.label, shade.during))
+            .collect();
+        let right = [
+            ("doubtful", [0.0, 1.0]),
+            ("lost", [1.0, 1.5]),
+            ("doubtful", [2.0, 2.5]),
+        ];
+        assert_eq!(found, right);
+        // The filter over windows tells nothing at some times.
+        let silent = points.iter().map(|point| Point {
+            consistency: None,
+            ..*point
+        });
+        assert_eq!(shades(&silent.collect::<Vec<_>>()), []);
     }
 }

@@ -185,6 +185,7 @@ pub(crate) fn track(text: &[u8], path: &Path) -> Result<track::Track> {
     Ok(track::Track {
         format: "FlySight",
         samples: samples.collect(),
+        speed_accuracy: track.fixes.iter().map(|fix| fix.speed_accuracy).collect(),
         start: first.map(|first| first.time),
         given: Given {
             places: true,

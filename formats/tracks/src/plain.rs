@@ -104,6 +104,7 @@ pub(crate) fn read(text: &[u8]) -> Result<Track> {
             velocities: columns.velocities.is_some(),
             speeds: false,
         },
+        speed_accuracy: Vec::new(),
         inertial: Vec::new(),
         pressure: Vec::new(),
         skipped: skipped + out_of_order,

@@ -11,6 +11,8 @@ pub struct Track {
     pub format: &'static str,
     /// In order of time; velocities are zero if they are not given.
     pub samples: Vec<Sample>,
+    /// Accuracy of the velocity of each sample as the receiver states it (m/s); empty if the format has none.
+    pub speed_accuracy: Vec<Option<f64>>,
     /// Time of the first sample since 1970 (s, UTC); `None` if the file has no date.
     pub start: Option<f64>,
     /// What the file contains.

@@ -37,20 +37,23 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Track> {
         }
         at += payload.len() + 8;
     }
-    let (fixes, out_of_order, notes) = in_order(
-        fixes,
-        |(time, ..): &mut (f64, [f64; 2], f64, Vector3<f64>)| time,
-    );
+    let (fixes, out_of_order, notes) = in_order(fixes, |(time, ..): &mut Fix| time);
     let mut flat = Flat::default();
     let first = fixes.first().map(|(time, ..)| *time);
-    let samples = fixes.iter().map(|(time, place, height, velocity)| Sample {
-        time: time - first.unwrap_or(0.0),
-        position: flat.position(*place, *height),
-        velocity: *velocity,
-    });
+    let samples = fixes
+        .iter()
+        .map(|(time, place, height, velocity, _)| Sample {
+            time: time - first.unwrap_or(0.0),
+            position: flat.position(*place, *height),
+            velocity: *velocity,
+        });
     Ok(Track {
         format: "UBX",
         samples: samples.collect(),
+        speed_accuracy: fixes
+            .iter()
+            .map(|(.., accuracy)| Some(*accuracy).filter(|accuracy| *accuracy > 0.0))
+            .collect(),
         start: first,
         given: Given {
             places: true,
@@ -76,8 +79,11 @@ fn payload(bytes: &[u8]) -> Option<&[u8]> {
 }
 
 /// Time (s since 1970), latitude and longitude (degrees), height above mean sea level (m), velocity north, west, up
-/// (m/s); `None` without a fix in three dimensions.
-fn fix(payload: &[u8]) -> Option<(f64, [f64; 2], f64, Vector3<f64>)> {
+/// and its accuracy (m/s).
+type Fix = (f64, [f64; 2], f64, Vector3<f64>, f64);
+
+/// Reads a solution; `None` without a fix in three dimensions.
+fn fix(payload: &[u8]) -> Option<Fix> {
     let four = |at: usize| {
         Some(f64::from(i32::from_le_bytes(
             payload.get(at..at + 4)?.try_into().ok()?,
@@ -95,6 +101,7 @@ fn fix(payload: &[u8]) -> Option<(f64, [f64; 2], f64, Vector3<f64>)> {
         [four(28)? * 1e-7, four(24)? * 1e-7],
         four(36)? * 1e-3,
         velocity,
+        four(68)? * 1e-3,
     ))
 }
 
@@ -111,6 +118,7 @@ mod tests {
         payload[28..32].copy_from_slice(&465_000_000_i32.to_le_bytes());
         payload[36..40].copy_from_slice(&height.to_le_bytes());
         payload[56..60].copy_from_slice(&50_000_i32.to_le_bytes());
+        payload[68..72].copy_from_slice(&310_i32.to_le_bytes());
         let mut bytes = [&SYNC[..], &NAV_PVT, &[92, 0], &payload].concat();
         let sum = bytes[2..].iter().fold([0_u8; 2], |[a, b], byte| {
             let a = a.wrapping_add(*byte);
@@ -137,5 +145,6 @@ mod tests {
         assert_eq!(track.start, seconds_of(2024, 6, 1, 36_001.0));
         assert!((track.samples[1].height() - 2850.0).abs() < 1e-9);
         assert!((track.samples[1].velocity.z + 50.0).abs() < 1e-9);
+        assert_eq!(track.speed_accuracy, [Some(0.31); 2]);
     }
 }

@@ -6,7 +6,7 @@ use bodyflight_estimation::request::Request;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::{Flight, name_of};
 use bodyflight_replay::preset_file::{AUTO, Tuning};
-use bodyflight_verbs::figures::{self, Settings, files, write};
+use bodyflight_verbs::figures::{Drawn, MOST, Settings, files, write};
 use bodyflight_verbs::output::bodies::{FRONT, SIDE, TOP, View};
 use bodyflight_verbs::output::figure::Format;
 use serde::Serialize;
@@ -17,17 +17,20 @@ use super::simulate::Reading;
 use super::terminal::FlightBar;
 use super::{estimate, terminal};
 
-/// Draw the figures of a paper: reconstruction, inputs, path over ground and snapshots, as SVG, PDF or PNG.
+/// Draw the figures of a paper: reconstruction, inputs, path over ground and snapshots, as SVG, PDF or PNG. Several flights
+/// share their axes.
 #[derive(clap::Args)]
 #[command(
     after_help = "Exit code 5: the recording cannot be trusted, and no figure was drawn; or the estimate cannot, as `bodyflight estimate` \
                   judges it, and the titles say so.\n\nExamples:\n  bodyflight figures flight.toml --format pdf --out figures\n  \
-                  bodyflight figures flight.toml --preset turning --from 0.5 --to 1.5\n\n\
+                  bodyflight figures flight.toml --preset turning --from 0.5 --to 1.5\n  \
+                  bodyflight figures student expert --format pdf\n\n\
                   Presets and methods as in `bodyflight estimate --help`. Presets of the paper show what they measure."
 )]
 pub(super) struct Args {
-    /// A flight.toml, or an MVNX file on its own; 240 frames a second.
-    flight: PathBuf,
+    /// A flight.toml, or an MVNX file on its own; 240 frames a second. Up to five share the axes of each figure.
+    #[arg(required = true, value_name = "FLIGHT")]
+    flights: Vec<PathBuf>,
     /// A built-in preset or a preset.toml: how the inputs are estimated.
     #[arg(long, default_value = AUTO, value_parser = Names(estimate::presets), hide_possible_values = true)]
     preset: String,
@@ -52,7 +55,7 @@ pub(super) struct Args {
     /// Format of the figures; separate several by commas.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "svg")]
     format: Vec<FormatName>,
-    /// Title of the figures, "" for none; by default the flight's name.
+    /// Title of the figures, "" for none; by default the names of the flights.
     #[arg(long)]
     title: Option<String>,
     /// Folder for the figures; created if absent.
@@ -128,26 +131,31 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         views: args.views.iter().map(|name| name.view()).collect(),
         formats: args.format.iter().map(|name| name.format()).collect(),
     };
-    let flight = Flight::read(&args.flight)?;
-    let names = files(&settings.formats);
+    let number = args.flights.len();
+    if number > MOST {
+        return Err(Problem::bad_input(format!(
+            "expected at most {MOST} flights in a figure, found {number}"
+        )));
+    }
+    let flights: Vec<Flight> = args
+        .flights
+        .iter()
+        .map(|path| Flight::read(path))
+        .collect::<Result<_>>()?;
+    let names = files(number, &settings.formats);
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     args.outputs.check_in(&args.out, &names)?;
-    let bar = FlightBar::of_passes("drawing", &flight, 2);
-    let title = args.title.clone();
-    let title = title.unwrap_or_else(|| name_of(&args.flight));
     let options = args.reading.options();
-    let figures = write(
-        &flight,
-        &title,
-        &settings,
-        options,
-        &args.out,
-        &mut |time| {
+    let mut drawn = Vec::new();
+    for (flight, path) in flights.iter().zip(&args.flights) {
+        let bar = FlightBar::of_passes("drawing", flight, 2);
+        let done = Drawn::of(flight, name_of(path), &settings, options, &mut |time| {
             bar.at(time);
-        },
-    );
-    bar.end();
-    let figures::Written { figures, doubt } = figures?;
+        });
+        bar.end();
+        drawn.push(done?);
+    }
+    let figures = write(&drawn, args.title.as_deref(), &settings, &args.out)?;
     if json {
         terminal::print_json(&Written { figures })?;
     } else {
@@ -155,10 +163,11 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             terminal::print(&format!("written: {}", path.display()));
         }
     }
-    match doubt {
+    let mut doubts = drawn.into_iter().zip(&args.flights);
+    match doubts.find_map(|(drawn, path)| Some((drawn.doubt?, path))) {
         None => Ok(()),
-        Some(doubt) => Err(Problem::doubt(doubt)
-            .in_file(&args.flight)
+        Some((doubt, path)) => Err(Problem::doubt(doubt)
+            .in_file(path)
             .help("the figures were written, and their titles say that they are doubtful")),
     }
 }

@@ -395,7 +395,7 @@ def fall(
 ) -> dict[str, Any]: ...
 def validate(paths: Sequence[_Path] = (), *, progress: _Progress = None) -> dict[str, Any]: ...
 def figures(
-    flight: Flight,
+    flights: Flight | Sequence[Flight],
     out: _Path,
     *,
     preset: str = "auto",

@@ -55,6 +55,7 @@ pub fn svg(title: &str, capture: &Capture, report: &Report) -> Result<String> {
                 },
             ],
             bands: Vec::new(),
+            shades: Vec::new(),
             wraps: false,
         },
         Panel {
@@ -74,6 +75,7 @@ pub fn svg(title: &str, capture: &Capture, report: &Report) -> Result<String> {
                 },
             ],
             bands: Vec::new(),
+            shades: Vec::new(),
             wraps: false,
         },
     ];

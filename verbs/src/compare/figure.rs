@@ -242,6 +242,7 @@ fn channel_panel([a, b]: [&Track; 2], compared: &Compared, channel: Channel) -> 
             curve(B, &|pair| b.channel(channel, pair.1)),
         ],
         bands: Vec::new(),
+        shades: Vec::new(),
         wraps: channel.is_angle(),
     }
 }
@@ -286,6 +287,7 @@ fn angle_panel(a: &Track, compared: &Compared, k: usize) -> Panel {
         .map(|(time, own)| (*time, own - least, own + least));
     Panel {
         caption: format!("{name}, {angle} (degrees): {said}; band: what the suits explain"),
+        shades: Vec::new(),
         bands: vec![Band {
             line: A,
             bounds: bounds.collect(),

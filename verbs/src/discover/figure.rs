@@ -53,6 +53,7 @@ fn panel(report: &Report, channel: usize) -> Panel {
             curve(EXTENDED, &|k| spots[k].over_floor_after[channel] * floor),
         ],
         bands: Vec::new(),
+        shades: Vec::new(),
         wraps: false,
     }
 }

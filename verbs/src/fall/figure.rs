@@ -110,6 +110,7 @@ fn panel(caption: &str, lines: &[(Line, Vec<(f64, f64)>)], borders: &[Option<f64
             .map(|(line, points)| Curve { line, points })
             .collect(),
         bands: Vec::new(),
+        shades: Vec::new(),
         wraps: false,
     }
 }

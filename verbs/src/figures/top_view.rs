@@ -2,32 +2,35 @@
 
 use plotters::prelude::*;
 
-use crate::output::plot::{Area, DrawResult, FINE, MEASURED, SIMULATED, drawn};
+use crate::output::plot::{Area, DrawResult, FINE, Line, drawn};
 use crate::view::series::Series;
 use bodyflight_io::diagnostic::Result;
 
 const SIZE: u32 = 520;
 
-/// The paths over ground: name in the legend, and column.
-const WAYS: [(&str, &str); 2] = [
-    (MEASURED.label, "measured_position_m"),
-    (SIMULATED.label, "simulated_position_m"),
-];
+/// Columns of a measured and of a simulated path.
+const COLUMNS: [&str; 2] = ["measured_position_m", "simulated_position_m"];
 
-pub(super) fn svg(title: &str, series: &Series) -> Result<String> {
-    drawn((SIZE, SIZE), |root| draw(title, series, root))
+/// Draws the paths of flights, each with the lines of its measured and of its simulated one.
+pub(super) fn svg(title: &str, flights: &[([Line; 2], &Series)]) -> Result<String> {
+    drawn((SIZE, SIZE), |root| draw(title, flights, root))
 }
 
-fn draw(title: &str, series: &Series, root: &Area<'_>) -> DrawResult {
+fn draw(title: &str, flights: &[([Line; 2], &Series)], root: &Area<'_>) -> DrawResult {
     root.fill(&WHITE)?;
     // East is to the right.
-    let ways = WAYS.map(|(label, column)| {
-        let way: Vec<(f64, f64)> = match series.column(column) {
-            [north, west, _] => west.iter().zip(north).map(|(w, n)| (-w, *n)).collect(),
-            _ => Vec::new(),
-        };
-        (label, way)
-    });
+    let of_flight = |(lines, series): &([Line; 2], &Series)| {
+        let (lines, series) = (*lines, *series);
+        let ways = lines.into_iter().zip(COLUMNS).map(|(line, column)| {
+            let way: Vec<(f64, f64)> = match series.column(column) {
+                [north, west, _] => west.iter().zip(north).map(|(w, n)| (-w, *n)).collect(),
+                _ => Vec::new(),
+            };
+            (line, way)
+        });
+        ways.collect::<Vec<_>>()
+    };
+    let ways: Vec<(Line, Vec<(f64, f64)>)> = flights.iter().flat_map(of_flight).collect();
     let all = || ways.iter().flat_map(|(_, way)| way);
     let range = |value: fn(&(f64, f64)) -> f64| {
         let low = all().map(value).fold(f64::INFINITY, f64::min);
@@ -61,11 +64,11 @@ fn draw(title: &str, series: &Series, root: &Area<'_>) -> DrawResult {
         .x_desc("east (m)")
         .y_desc("north (m)")
         .draw()?;
-    for ((label, way), line) in ways.into_iter().zip([MEASURED, SIMULATED]) {
+    for (line, way) in ways {
         let style = line.style();
         chart
             .draw_series(LineSeries::new(way, style))?
-            .label(label)
+            .label(line.label)
             .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 180, y)], style));
     }
     chart

@@ -9,8 +9,8 @@ use plotters::prelude::*;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::comparison::{Channel, Comparison, Pair};
 pub use lines::{
-    AXES, BORDER, CHANGED, CONSTANT, ESTIMATED, ESTIMATED_PIECES, EXTENDED, FINE, FLOOR, FLOWN,
-    LIMITS, Line, MEASURED, MODEL_PARTS, PLAIN, SIMULATED, UNCHANGED, WATCHED,
+    AXES, BORDER, CHANGED, CONSTANT, ESTIMATED, ESTIMATED_PIECES, EXTENDED, FINE, FLIGHTS, FLOOR,
+    FLOWN, LIMITS, Line, MEASURED, MODEL_PARTS, PLAIN, SIMULATED, UNCHANGED, UNTRUSTED, WATCHED,
 };
 use parts::{thinned, unwrapped_parts};
 
@@ -32,6 +32,15 @@ pub struct Band {
     pub bounds: Vec<(f64, f64, f64)>,
 }
 
+/// A time in which what is shown cannot be trusted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shade {
+    /// Name in the legend, and colour.
+    pub line: Line,
+    /// Begin and end (s).
+    pub during: [f64; 2],
+}
+
 /// One plot of a figure.
 #[derive(Debug, Clone)]
 pub struct Panel {
@@ -39,6 +48,8 @@ pub struct Panel {
     pub caption: String,
     /// Drawn below all curves; they extend the axis to at most three times the range of the curves.
     pub bands: Vec<Band>,
+    /// Drawn over the whole height, below everything else.
+    pub shades: Vec<Shade>,
     /// Drawn in order, later ones on top.
     pub curves: Vec<Curve>,
     /// Whether values are angles (degrees) that jump between the ends of their range.
@@ -151,6 +162,7 @@ pub fn comparison_svg(title: &str, comparison: &Comparison) -> Result<String> {
                 simulated_curve(channel, comparison.series(), SIMULATED),
             ],
             bands: Vec::new(),
+            shades: Vec::new(),
             wraps: channel.is_angle(),
         }
     });
@@ -197,8 +209,8 @@ struct Entry {
 fn entries(panel: &Panel, width: u32) -> Vec<Entry> {
     let mut entries: Vec<Entry> = Vec::new();
     let (mut left, mut row) = (LEGEND_LEFT, 0);
-    for curve in &panel.curves {
-        let line = curve.line;
+    let shades = panel.shades.iter().map(|shade| shade.line);
+    for line in panel.curves.iter().map(|curve| curve.line).chain(shades) {
         if entries.iter().any(|entry| entry.line.label == line.label) {
             continue;
         }
@@ -300,6 +312,11 @@ fn draw_panel(area: &Area<'_>, panel: &Panel, unit: &str) -> DrawResult {
         .x_label_area_size(22 * FINE)
         .y_label_area_size(52 * FINE)
         .build_cartesian_2d(start..end, (low - margin)..(high + margin))?;
+    for Shade { line, during } in &panel.shades {
+        let [from, to] = during.map(|time| time.clamp(start, end));
+        let corners = [(from, low - margin), (to, high + margin)];
+        chart.draw_series([Rectangle::new(corners, line.colour.filled())])?;
+    }
     chart
         .configure_mesh()
         .x_labels(12)
@@ -350,6 +367,7 @@ mod tests {
         let panel = |caption: &str, lines: &[Line]| Panel {
             caption: caption.into(),
             bands: Vec::new(),
+            shades: Vec::new(),
             curves: (lines.iter())
                 .map(|line| Curve {
                     line: *line,
@@ -383,6 +401,7 @@ mod tests {
         let panel = Panel {
             caption: "muscle".into(),
             bands: vec![band],
+            shades: Vec::new(),
             curves: vec![Curve {
                 line: AXES[0],
                 points,

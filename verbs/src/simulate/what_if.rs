@@ -415,6 +415,7 @@ pub fn svg(title: &str, simulation: &Simulation) -> Result<String> {
             caption: format!("{label} ({unit})"),
             curves: vec![curve(UNCHANGED, 0), curve(CHANGED, 1)],
             bands: Vec::new(),
+            shades: Vec::new(),
             wraps: channel.is_angle(),
         }
     });

@@ -58,6 +58,7 @@ pub fn amplitudes_svg(title: &str, technique: &Technique) -> Result<String> {
                     points: times.zip(degrees).collect(),
                 }],
                 bands: Vec::new(),
+                shades: Vec::new(),
                 wraps: false,
             }
         })
@@ -90,6 +91,7 @@ pub fn bode_svg(title: &str, technique: &Technique) -> Result<String> {
         caption: caption.to_owned(),
         curves,
         bands: Vec::new(),
+        shades: Vec::new(),
         wraps: false,
     };
     figure_svg_over(

@@ -32,6 +32,7 @@ pub fn svg(title: &str, flights: &[(String, Recorded)]) -> Result<String> {
                 })
                 .collect(),
             bands: Vec::new(),
+            shades: Vec::new(),
             wraps: false,
         })
         .collect();

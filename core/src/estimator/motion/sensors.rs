@@ -6,6 +6,9 @@
 use crate::frame::{Body, Inertial, Vector};
 use crate::math::Real;
 
+/// Ratio of a receiver's vertical deviation to the one that it states: satellites are above only.
+pub const VERTICAL_RATIO: f32 = 1.5;
+
 /// Velocity from satellites.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReceiverVelocity<T: Real> {

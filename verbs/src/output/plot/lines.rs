@@ -7,7 +7,7 @@ use plotters::style::{Color, RGBColor, ShapeStyle};
 pub const FINE: u32 = 10;
 
 /// How a line is drawn.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
     /// Name in the legend.
     pub label: &'static str,
@@ -132,6 +132,82 @@ pub const LIMITS: [Line; 2] = [
         label: "lost above",
         colour: RGBColor(0x9c, 0x2f, 0x00),
         width: 1,
+    },
+];
+/// Lines of several flights in one figure: measured, and with estimated inputs.
+pub const FLIGHTS: [[Line; 2]; 5] = [
+    [
+        Line {
+            label: "A measured",
+            colour: RGBColor(0x8f, 0xb8, 0xde),
+            width: 3,
+        },
+        Line {
+            label: "A",
+            colour: RGBColor(0x1f, 0x5a, 0x99),
+            width: 1,
+        },
+    ],
+    [
+        Line {
+            label: "B measured",
+            colour: RGBColor(0xf0, 0xc3, 0xa0),
+            width: 3,
+        },
+        Line {
+            label: "B",
+            colour: RGBColor(0xb0, 0x4a, 0x00),
+            width: 1,
+        },
+    ],
+    [
+        Line {
+            label: "C measured",
+            colour: RGBColor(0xa5, 0xd6, 0xbd),
+            width: 3,
+        },
+        Line {
+            label: "C",
+            colour: RGBColor(0x1b, 0x6e, 0x53),
+            width: 1,
+        },
+    ],
+    [
+        Line {
+            label: "D measured",
+            colour: RGBColor(0xc9, 0xbf, 0xe8),
+            width: 3,
+        },
+        Line {
+            label: "D",
+            colour: RGBColor(0x5b, 0x4b, 0xa8),
+            width: 1,
+        },
+    ],
+    [
+        Line {
+            label: "E measured",
+            colour: RGBColor(0xc8, 0xc8, 0xc8),
+            width: 3,
+        },
+        Line {
+            label: "E",
+            colour: RGBColor(0x40, 0x40, 0x40),
+            width: 1,
+        },
+    ],
+];
+/// Times in which an estimate is doubtful or lost.
+pub const UNTRUSTED: [Line; 2] = [
+    Line {
+        label: "doubtful",
+        colour: RGBColor(0xfa, 0xe9, 0xc8),
+        width: 8,
+    },
+    Line {
+        label: "lost",
+        colour: RGBColor(0xf5, 0xcf, 0xc7),
+        width: 8,
     },
 ];
 /// A fall simulated again with the quantities estimated from it.
