@@ -92,7 +92,7 @@ def test_figures_are_those_of_the_program(turn, program, tmp_path):
         assert path.read_bytes() == (tmp_path / "theirs" / path.name).read_bytes()
     flights = [bodyflight.Flight(turn)] * 2
     together = bodyflight.figures(flights, tmp_path / "two", between=(1, 3))
-    names = ["reconstruction", "inputs", "top-view", "snapshots-a", "snapshots-b"]
+    names = ["reconstruction", "inputs", "top-view", "snapshots-A", "snapshots-B"]
     assert [path.stem for path in together] == names
     with pytest.raises(bodyflight.BadInput, match="1 to 5 flights, found 6"):
         bodyflight.figures(flights * 3, tmp_path / "six")
