@@ -13,7 +13,7 @@ use bodyflight_tests::program::{ctrl_c, text};
 #[path = "transcripts/files.rs"]
 mod files;
 
-use files::{copied, prepared};
+use files::{BODYFLIGHT, bodyflight, copied, prepared};
 
 /// Documented commands with one of these words use MVN's port, so only one of them runs at a time.
 const WITH_PORT: [&str; 2] = ["mvn", "--mvn"];
@@ -21,17 +21,6 @@ static PORT: Mutex<()> = Mutex::new(());
 
 /// Commands that run at once in each test: some fly in real time, and wait more than they compute.
 const AT_ONCE: usize = 2;
-
-/// The program.
-const BODYFLIGHT: &str = env!("CARGO_BIN_EXE_bodyflight");
-
-fn bodyflight(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(BODYFLIGHT)
-        .args(arguments)
-        .current_dir(folder)
-        .output()
-        .expect("the binary starts")
-}
 
 fn text_of(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()

@@ -1,10 +1,21 @@
-//! Files that documented commands read.
+//! The program, and the files that documented commands read.
 
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
+use std::process::{Command, Output};
 
-use super::bodyflight;
+/// The program.
+pub(crate) const BODYFLIGHT: &str = env!("CARGO_BIN_EXE_bodyflight");
+
+/// Runs the program in a folder.
+pub(crate) fn bodyflight(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(BODYFLIGHT)
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .expect("the binary starts")
+}
 
 /// A falling point, ten times a second: 3 s in an aircraft, 40 s in free fall, 40 s under a canopy.
 fn track() -> String {

@@ -11,12 +11,12 @@ use crate::output::report::Report;
 
 /// Pairs of flights with an effect that changes at random, each of another person with other strengths: the first seeds,
 /// not those that pass.
-const PAIRS: core::ops::Range<u64> = 0..2;
+const PAIRS: core::ops::Range<u64> = 0..1;
 
-/// Of the six pairs that this makes, those that must be named rightly; the others may have no name, but no wrong one. In
-/// flights of 40 s, 92 % of such pairs are named rightly (docs/discovery.md), and fewer than four of six would be so once
+/// Of the three pairs that this makes, those that must be named rightly; the other may have no name, but no wrong one. In
+/// flights of 40 s, 92 % of such pairs are named rightly (docs/discovery.md), and fewer than two of three would be so twice
 /// in a hundred times.
-const LEAST_RIGHT: usize = 4;
+const LEAST_RIGHT: usize = 2;
 
 fn settings(seed: u64, person: u64, joints: Joints) -> laboratory::Settings {
     laboratory::Settings {
@@ -66,8 +66,8 @@ fn effects_that_change_at_random_are_named_by_their_strengths() {
         }
     }
     assert!(right >= LEAST_RIGHT, "{right} named");
-    // Of intervals of 95 %, fewer than four in five contain the truth in one of a hundred such samples.
-    assert!(5 * within >= 4 * strengths, "{within} of {strengths}");
+    // Of intervals of 95 %, fewer than two thirds contain the truth in one of a hundred such samples.
+    assert!(3 * within >= 2 * strengths, "{within} of {strengths}");
 }
 
 /// Loads outside the library get no name, whether a single one acts or so many at once that no description covers them.
