@@ -80,9 +80,11 @@ fn exchanged(
         let places: Vec<(usize, usize)> = segments.iter().filter_map(both).collect();
         closure(skeleton, frames, |orientation| {
             let mut changed = orientation.to_vec();
-            for (left, right) in &places {
-                for k in 0..4 {
-                    changed.swap(4 * left + k, 4 * right + k);
+            // A recording without orientations of all segments has segments that do not meet.
+            let (quaternions, _) = changed.as_chunks_mut::<4>();
+            for &(left, right) in &places {
+                if left.max(right) < quaternions.len() {
+                    quaternions.swap(left, right);
                 }
             }
             changed
