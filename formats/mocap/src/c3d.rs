@@ -187,10 +187,10 @@ impl<'a> Parameters<'a> {
         }
         let found = rows.into_iter().filter_map(|(group, name, parameter)| {
             let group = groups.get(&group)?;
-            // A parameter that claims more values than the file has bytes is invalid.
+            // A parameter that claims more values than the file has bytes is invalid, and so are more texts without any byte.
             let most = parameter.sizes.iter().try_fold(1usize, |product, &size| {
                 product
-                    .checked_mul(size)
+                    .checked_mul(size.max(1))
                     .filter(|count| *count <= bytes.bytes.len())
             });
             most.map(|_| (format!("{group}:{name}"), parameter))
