@@ -99,13 +99,15 @@ fn build_program(folder: &Path, target: &Path, machine: &str) -> Result<PathBuf>
 pub(crate) fn reproduce() -> Result<()> {
     let [machine, _] = MACHINES;
     let stage = target_folder()?.join("reproduced");
+    std::fs::create_dir_all(&stage).map_err(failed(&stage))?;
+    // One archive for both: a commit may be made between them.
+    let archive = stage.join("sources.tar").display().to_string();
+    run("git", &["archive", "--output", &archive, "HEAD"])?;
     let mut programs = Vec::new();
     for name in ["one", "another-one"] {
         let folder = stage.join(name);
         let _ = std::fs::remove_dir_all(&folder);
         std::fs::create_dir_all(&folder).map_err(failed(&folder))?;
-        let archive = folder.join("sources.tar").display().to_string();
-        run("git", &["archive", "--output", &archive, "HEAD"])?;
         run(
             "tar",
             &["-xf", &archive, "-C", &folder.display().to_string()],
