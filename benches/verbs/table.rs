@@ -99,11 +99,12 @@ pub(crate) fn print(program: &Program, limits: &Limits) {
     );
     for row in &ROWS_OF_TABLE {
         let seconds = program.seconds(row.arguments, 1);
-        let bytes: f64 = row
+        let sizes = row
             .inputs
             .iter()
-            .map(|name| size(&program.folder.join(name)))
-            .sum();
+            .map(|name| size(&program.folder.join(name)));
+        // The sum of no numbers is -0.
+        let bytes = 0.0 + sizes.sum::<f64>();
         let formulas = FRAMES * (row.steps * limits.step + row.filters * limits.filter);
         let limit = bytes * limits.byte + formulas;
         // The verb, and its method if it has several.
