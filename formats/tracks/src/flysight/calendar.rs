@@ -9,24 +9,24 @@ const DATE: usize = 10;
 /// Reads times and remembers the latest date, since the rows of a track have one or two.
 #[derive(Debug, Default)]
 pub(super) struct Calendar {
-    date: [u8; DATE],
-    /// Its beginning (s since 1970).
-    midnight: f64,
+    /// The date, and when it begins (s since 1970).
+    latest: Option<([u8; DATE], f64)>,
 }
 
 impl Calendar {
     /// Seconds since 1970 of `2023-10-08T21:36:27.798Z`; milliseconds may be negative.
     pub(super) fn seconds(&mut self, text: &[u8]) -> Option<f64> {
         let (date, clock) = text.split_first_chunk::<DATE>()?;
-        if *date == self.date
+        if let Some((latest, midnight)) = self.latest
+            && latest == *date
             && let Some((whole, part)) = of_clock(clock)
         {
-            return Some(self.midnight + whole + part);
+            return Some(midnight + whole + part);
         }
         let text = core::str::from_utf8(text).ok()?;
         let midnight = text.get(..DATE).map(|date| format!("{date}T00:00:00"));
         if let Some(midnight) = midnight.and_then(|text| seconds(&text)) {
-            (self.date, self.midnight) = (*date, midnight);
+            self.latest = Some((*date, midnight));
         }
         seconds(text)
     }
@@ -108,6 +108,12 @@ mod tests {
         ] {
             assert_eq!(calendar.seconds(bad.as_bytes()), None, "{bad}");
         }
+    }
+
+    #[test]
+    fn no_bytes_are_a_date_before_the_first() {
+        let zeros = b"\0\0\0\0\0\0\0\0\0\0T21:36:27Z";
+        assert_eq!(Calendar::default().seconds(zeros), None);
     }
 
     #[test]
