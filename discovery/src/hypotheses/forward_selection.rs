@@ -99,12 +99,6 @@ fn unpromising(hypothesis: Hypothesis) -> Rejected {
     }
 }
 
-/// Whether a candidate is worth refitting everything with it: it is more likely than none. The threshold is lower than for
-/// a name, because errors fitted without the effect may have absorbed part of it.
-fn is_promising(hypothesis: &Hypothesis) -> bool {
-    hypothesis.score() > 0.0
-}
-
 /// The best candidate that matters in the first of several scenes in which it looks promising.
 fn sought(
     progress: &dyn Progress,
@@ -117,7 +111,7 @@ fn sought(
         let Some(hypothesis) = hypotheses.iter().find(|one| one.matters()).cloned() else {
             continue;
         };
-        let is_promising = is_promising(&hypothesis);
+        let is_promising = hypothesis.is_promising();
         if is_promising || found.is_none() {
             found = Some(BestHypothesis {
                 hypothesis,
@@ -171,7 +165,7 @@ pub(crate) fn selected<'a>(
         let Some(found) = found else {
             break;
         };
-        if !is_promising(&found.hypothesis) {
+        if !found.hypothesis.is_promising() {
             nearest.get_or_insert_with(|| unpromising(found.hypothesis));
             break;
         }

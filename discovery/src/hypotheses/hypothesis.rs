@@ -32,7 +32,13 @@ impl Hypothesis {
         self.gain + self.cost_of_ranges(1.0)
     }
 
-    /// The same given all flights, tempered. It decides whether the effect is named.
+    /// Whether it is worth refitting everything with it: it is more likely than none. The threshold is lower than for a
+    /// name, because errors fitted without the effect may have absorbed part of it.
+    pub(crate) fn is_promising(&self) -> bool {
+        self.score() > 0.0
+    }
+
+    /// The same as the score given all flights, tempered. It decides whether the effect is named.
     ///
     /// A held-out flight adds its gain with parameters that were not fitted to it, which is its factor in the probability
     /// of all flights. What the errors of refits give away is subtracted.

@@ -66,7 +66,7 @@ pub(crate) fn fitted_beside<'a>(
     if refit.retry_without(joint_fit, &next)? > DECISION.refit_allowance() {
         // The choice was made with poorly fitted flights, so look for competitors again.
         let mut fresh = joint_fit.hypotheses(&[first], refit.progress)?;
-        fresh.retain(|other| other.matters() && other.score() > 0.0);
+        fresh.retain(|other| other.matters() && other.is_promising());
         fresh.retain(|other| others.iter().all(|known| known.effect != other.effect));
         fresh.truncate(DECISION.runner_ups);
         others.truncate(DECISION.runner_ups / 2);
