@@ -29,6 +29,12 @@ impl Agreement {
         self.both / self.expected.max(f64::MIN_POSITIVE)
     }
 
+    /// Least and greatest ratio of the found to the expected size that noise allows: that of what is expected lowers the
+    /// regression, that of what was found raises the inverse one.
+    pub(super) fn scale_bounds(&self) -> [f64; 2] {
+        [self.scale(), self.found / self.both.max(f64::MIN_POSITIVE)]
+    }
+
     /// Whether what was found does not show the motion at all.
     pub(super) fn is_empty(&self) -> bool {
         self.found < NONE * NONE * self.expected

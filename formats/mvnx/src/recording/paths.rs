@@ -12,7 +12,7 @@ const RISES: f64 = 10.0;
 const IMPOSSIBLE: f64 = 150.0;
 const FAST: f64 = 110.0;
 /// Shortest path (m), by positions or by velocities, for which the two are compared, and their largest relative
-/// difference: beyond it, units or the frame rate are wrong.
+/// difference, noise aside: beyond it, units or the frame rate are wrong.
 const MOVES: f64 = 1.0;
 const APART: f64 = 0.3;
 /// The same for a path so long and so even that the noise of velocities does not matter.
@@ -285,8 +285,8 @@ impl Paths {
                 "positions and velocities point in different directions (correlation {correlation:.2}): two axes of one of them are exchanged, or they are not of the same time"
             ));
         }
-        let apart = by_velocities / by_positions.max(f64::MIN_POSITIVE);
-        if (apart - 1.0).abs() > APART {
+        let [least, most] = self.ways.scale_bounds();
+        if least > 1.0 + APART || most < 1.0 - APART {
             return whole(format!(
                 "path of {by_positions:.1} m by positions, {by_velocities:.1} m by velocities: units or frame rate are wrong"
             ));

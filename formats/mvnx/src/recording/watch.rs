@@ -488,6 +488,32 @@ mod tests {
         assert_eq!(watched(300, |_| {}), []);
     }
 
+    /// In a wind tunnel the body moves less than the velocities' noise, which lengthens the path.
+    #[test]
+    fn noise_of_a_slow_path_is_no_wrong_unit() {
+        let drifts = |scale: f64| {
+            watched(1000, |frame| {
+                let time = frame.time;
+                frame.pelvis.position = Vector::new(0.2 * time, 0.0, 10.0);
+                let noise = Vector3::new(
+                    (20.0 * time).sin(),
+                    (17.0 * time).sin(),
+                    (23.0 * time).cos(),
+                );
+                let velocity = Vector3::new(0.2, 0.0, 0.0) + 0.2 * noise;
+                frame.pelvis.velocity = Some(Vector::from_components(scale * velocity));
+            })
+        };
+        for (scale, is_doubted) in [(1.0, false), (3.6, true), (0.3, true)] {
+            let warnings = drifts(scale);
+            assert_eq!(
+                says(&warnings, "units or frame rate"),
+                is_doubted,
+                "{scale}: {warnings:?}"
+            );
+        }
+    }
+
     #[test]
     fn each_impossibility_is_reported() {
         let degrees = watched(300, |frame| {
