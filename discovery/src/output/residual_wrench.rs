@@ -35,7 +35,7 @@ pub struct Remainder {
     pub force_n: [f64; 3],
     /// Joint wander about an axis, root mean square (degrees).
     pub wander_deg: f64,
-    /// Whether the joints would have to be off by as much as a suit plausibly can be, constantly or wandering.
+    /// Whether the joints would have to be off by nearly as much as a suit plausibly can be, constantly or wandering.
     pub is_beyond_suit: bool,
     /// Times of the stretches with the largest residuals (s).
     pub times_s: Vec<f64>,
@@ -86,7 +86,7 @@ impl Remainder {
         };
         let in_words = if is_beyond_suit {
             format!(
-                "the joints would have to be off by {limit:.0} degrees or more, the limit of a suit"
+                "the joints would have to be off by nearly as much as a suit's ever are, {limit:.0} degrees"
             )
         } else if is_pushed
             && size(WRENCH[0]) / DECISION.immaterial_wrench[0]
