@@ -4,6 +4,7 @@ mod neighbours;
 mod scripts;
 mod short_flights;
 mod slopes;
+mod slopes_alone;
 mod strengths;
 
 use crate::named_effect::Outcome;

@@ -1,0 +1,49 @@
+//! A likelihood that slopes alone raise is no gain of an effect.
+
+use super::*;
+use crate::hypotheses::refit::Refit;
+use crate::likelihood::linear_fit::LinearFit;
+use crate::named_effect::EffectSet;
+
+/// An added mass lessens what joints matter, and with it the covariance. Nothing is hidden in this flight, but it is more
+/// likely with the slopes of the added mass, without it.
+#[test]
+fn what_slopes_gain_without_an_effect_is_not_its_gain() {
+    let settings = laboratory::Settings {
+        duration: 12.0,
+        rate: 120.0,
+        joints: Joints::WIDE,
+        ..laboratory::Settings::default()
+    };
+    let track = flown(&[], &settings);
+    let tolerances = Tolerances::default();
+    let problems = [FlightProblem::new(&track, &tolerances)];
+    let [problem] = &problems;
+    let fit = |from: Option<&LinearFit>, effects: &EffectSet| {
+        let point = from.map_or_else(LinearizationPoint::files, |from| from.point_with(effects));
+        let fit = problem.fit(&point, from.map(|from| &from.errors), 1, &());
+        problem.settled(fit.unwrap().unwrap(), &()).unwrap()
+    };
+    let (none, acting) = (EffectSet::new(), vec![(Effect::AddedMass, [0.3, 0.0, 0.0])]);
+    let bare = problem.converged(fit(None, &none), &()).unwrap();
+    let with = fit(Some(&bare), &acting);
+    let alone = problem.fit_with_slopes_of(&with, &with.point_with(&none), &());
+    let alone = problem.settled(alone.unwrap().unwrap(), &()).unwrap();
+    let [bare_likelihood, alone_likelihood] = [&bare, &alone].map(|fit| fit.errors.likelihood);
+    assert!(
+        alone_likelihood > bare_likelihood + 2.0,
+        "{alone_likelihood}, {bare_likelihood}"
+    );
+
+    let refit = Refit {
+        problems: &problems,
+        count: 1,
+        tolerances,
+        progress: &(),
+    };
+    let mut without = refit.joint_fit(vec![bare], none);
+    let with = refit.joint_fit(vec![with], acting);
+    let gained = refit.retry_without(&mut without, &with).unwrap();
+    assert!((bare_likelihood + gained - without.likelihood()).abs() < 1e-6);
+    assert!(without.likelihood() >= alone_likelihood - 1e-6);
+}
