@@ -22,8 +22,6 @@ pub struct StretchFactor {
     pub residual: DVector<f64>,
     /// Derivatives with respect to the constants.
     pub constants: DMatrix<f64>,
-    /// Derivatives with respect to the effects.
-    pub effects: DMatrix<f64>,
     /// Derivatives with respect to a force and a moment in each window.
     pub pushes: [DMatrix<f64>; 2],
     /// Covariance of each component for a unit variance.
@@ -94,7 +92,6 @@ impl StretchFactor {
         let part = Self {
             residual: DVector::zeros(residuals),
             constants,
-            effects: columns.effects,
             pushes: [columns.force, columns.moment],
             kernels: kernels.into(),
             varying: None,

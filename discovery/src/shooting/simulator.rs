@@ -9,7 +9,7 @@ use bodyflight_core::effect::Model;
 use bodyflight_core::effect::history::moving_at;
 use bodyflight_core::effect::sensors::Moving;
 use bodyflight_core::frame::Vector;
-use nalgebra::Vector3;
+use nalgebra::{DVector, Vector3};
 
 use crate::input::flight::RecordedFlight;
 use crate::shooting::joint_error::JointErrors;
@@ -126,7 +126,8 @@ impl<'a> Simulator<'a> {
 
     /// The same intervals for another model. Whatever does not depend on the change is reused.
     pub(crate) fn changed_to(&self, model: &Model<f64>) -> Self {
-        if self.model.sensors != model.sensors {
+        // Of the sensors' errors, only this one moves the postures.
+        if self.model.sensors.posture_delay != model.sensors.posture_delay {
             return Self::new(self.track, self.stretch, model, &self.joints, self.steps);
         }
         let [now, then] = [&self.model.dynamics, &model.dynamics];
@@ -209,8 +210,13 @@ impl<'a> Simulator<'a> {
         motion
     }
 
+    /// The residuals of the stretch simulated in this way.
+    pub(crate) fn residual(&self, start: &Channels, push: Option<UnknownWrench>) -> DVector<f64> {
+        self.fly(start, push).residual(self.track, self.stretch)
+    }
+
     /// Simulates the stretch from its smoothed start, changed by `start`, with an optional push in one window.
-    pub(crate) fn fly(&self, start: &Channels, push: Option<UnknownWrench>) -> Prediction {
+    fn fly(&self, start: &Channels, push: Option<UnknownWrench>) -> Prediction {
         let grid = self.stretch.grid;
         let count = self.count;
         let first = self.stretch.first;
