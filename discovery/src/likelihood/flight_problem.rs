@@ -415,7 +415,7 @@ impl<'a> FlightProblem<'a> {
                 let mut columns = columns(stretch)?;
                 let last = columns.ncols() - 1;
                 let mut residual = columns.column_mut(last);
-                residual += &part.constants * &around + &part.wandered;
+                residual += &*part.constants * &around + &part.wandered;
                 let finite = columns.iter().all(|value| value.is_finite());
                 finite.then_some(columns)
             })

@@ -48,7 +48,7 @@ impl LinearFit {
         let done = &self.errors.covariance * self.whitened.with_constants(columns);
         let each = self.parts.par_iter().zip(columns);
         each.map(|(part, columns)| {
-            let mut left = columns - &part.constants * &done;
+            let mut left = columns - &*part.constants * &done;
             let factor = part.covariance(&self.errors.sizes)?;
             factor.l_dirty().solve_lower_triangular_mut(&mut left);
             Some(left)

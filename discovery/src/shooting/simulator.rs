@@ -101,7 +101,7 @@ impl<'a> Simulator<'a> {
     /// The same intervals for another model. Whatever does not depend on the change is reused.
     pub(crate) fn changed_to(&self, model: &Model<f64>) -> Self {
         // Of the sensors' errors, only this one moves the postures.
-        if self.model.sensors.posture_delay != model.sensors.posture_delay {
+        if model.sensors.posture_delay - self.model.sensors.posture_delay != 0.0 {
             return Self::new(self.track, self.stretch, model, &self.joints, self.steps);
         }
         let [now, then] = [&self.model.dynamics, &model.dynamics];

@@ -140,3 +140,39 @@ fn slopes_are_those_of_the_residual_where_it_is_large() {
         assert!(share < 0.02, "{effect:?}: {share}");
     }
 }
+
+/// Of a simulation with another joint, another subject or an effect, only what differs is computed.
+#[test]
+fn what_is_kept_of_a_simulation_has_the_bits_of_a_new_one() {
+    let track = track(&[], 1.0);
+    let plain = plain(&track);
+    let stretch = &stretches(&track)[2];
+    let mut wrong = JointErrors::none();
+    for k in 0..JOINTS {
+        wrong.course[k % 3][k] = 0.001 * k as f64;
+        wrong.bend[k] = 0.002 * k as f64;
+    }
+    let new = |model: &Model<f64>, joints: &JointErrors| {
+        Simulator::new(&track, stretch, model, joints, Steps::Long)
+    };
+    let seen = |flight: Simulator<'_>| flight.residual(&Channels::zeros(), None);
+    let base = new(&plain, &wrong);
+    for k in 0..JOINTS {
+        let mut joints = wrong.clone();
+        joints.course[k % 3][k] += 0.02;
+        let kept = base.with_joint(&joints, k / 3);
+        assert_eq!(seen(kept), seen(new(&plain, &joints)), "joint angle {k}");
+    }
+    for k in 0..SUBJECT {
+        let mut subject = Subject::as_in_file();
+        subject.0[k] += 0.01;
+        let model = subject.possible().of(&plain);
+        let kept = base.changed_to(&model);
+        assert_eq!(seen(kept), seen(new(&model, &wrong)), "subject {k}");
+    }
+    for id in all_parameters() {
+        let (model, _) = changed(&plain, &Vec::new(), id);
+        let kept = base.changed_to(&model);
+        assert_eq!(seen(kept), seen(new(&model, &wrong)), "{id:?}");
+    }
+}
