@@ -35,9 +35,9 @@ impl Intervals {
             (from.interpolated(to, 0.5), rate)
         };
         let postures: Rc<[Posed]> = ends.windows(2).map(posed).collect();
-        let blank = core::iter::repeat_n(PostureSample::blank(), postures.len());
-        let mut samples: Rc<[PostureSample<f64>]> = blank.collect();
-        // Filled in place: a sample takes 4 kB.
+        let blank = PostureSample::blank();
+        // Copied, where a clone would go number by number, and filled in place: a sample takes 4 kB.
+        let mut samples: Rc<[PostureSample<f64>]> = (0..postures.len()).map(|_| blank).collect();
         for (sample, (posture, rate)) in Rc::make_mut(&mut samples).iter_mut().zip(&*postures) {
             dynamics.sample_into(posture, rate, sample);
         }
@@ -84,13 +84,13 @@ impl Intervals {
         segment: Segment,
         turn: impl Fn(usize, &Posture<f64>) -> Option<UnitQuaternion<f64>>,
     ) -> Self {
-        let mut ends: Rc<[End]> = Rc::from(&*self.ends);
+        let mut ends: Rc<[End]> = self.ends.iter().copied().collect();
         for (k, [recorded, posture]) in Rc::make_mut(&mut ends).iter_mut().enumerate() {
             if let Some(turn) = turn(k, recorded) {
                 posture.set(segment, turn);
             }
         }
-        let mut postures: Rc<[Posed]> = Rc::from(&*self.postures);
+        let mut postures: Rc<[Posed]> = self.postures.iter().copied().collect();
         for ((posture, rate), pair) in Rc::make_mut(&mut postures).iter_mut().zip(ends.windows(2)) {
             let [from, to] = [0, 1].map(|end| pair[end][1].parent_from_segment(segment));
             posture.set(segment, joint_between(from, to, 0.5));
@@ -118,7 +118,7 @@ impl Intervals {
             let parts = |(posture, rate): &Posed| now.sample_parts(posture, rate);
             self.postures.iter().map(parts).collect()
         });
-        let mut samples: Rc<[PostureSample<f64>]> = Rc::from(&*self.samples);
+        let mut samples: Rc<[PostureSample<f64>]> = self.samples.iter().copied().collect();
         let each = Rc::make_mut(&mut samples).iter_mut().zip(&**parts);
         for ((sample, parts), (posture, rate)) in each.zip(postures) {
             change(parts, (posture, rate), sample);
