@@ -153,13 +153,7 @@ impl<T: Lanes> FormShare<T> {
 
 impl<T: Lanes> Forms<T> {
     fn none() -> Self {
-        let zero = Matrix3::zeros();
-        Self {
-            lift: zero,
-            couple: zero,
-            lift_moment: zero,
-            lift_centre: [zero; 3],
-        }
+        FormShare::none().whole()
     }
 
     fn of(segments: &SegmentArray<ExposedSegment<T>>) -> Self {
