@@ -283,27 +283,62 @@ pub(crate) fn expose_into<T: Lanes>(
     aerodynamics: &Aerodynamics<T>,
     exposed: &mut SegmentArray<ExposedSegment<T>>,
 ) {
-    let free = aerodynamics.model == LoadModel::FreeFly;
-    let arch_factor = match aerodynamics.arch {
-        _ if free => T::one(),
-        ArchFactor::Fixed(factor) => factor,
-        ArchFactor::FromPosture => arch::arch_factor(arch::arch_area(body, posed)),
-        ArchFactor::Scaled(scale) => {
-            let factor = arch::arch_factor(arch::arch_area(body, posed));
-            T::one() + scale * (factor - T::one())
-        }
-    };
+    let exposure = Exposure::of(body, posed, aerodynamics);
     for (segment, place) in exposed.iter_mut() {
+        *place = exposure.segment(body, posed, aerodynamics, segment);
+    }
+}
+
+/// What the exposure of all segments has in common.
+pub(crate) struct Exposure<T> {
+    free: bool,
+    arch_factor: T,
+}
+
+impl<T: Lanes> Exposure<T> {
+    #[inline(always)]
+    pub(crate) fn of(
+        body: &Body<T>,
+        posed: &SegmentArray<PosedSegment<T>>,
+        aerodynamics: &Aerodynamics<T>,
+    ) -> Self {
+        let free = aerodynamics.model == LoadModel::FreeFly;
+        let arch_factor = match aerodynamics.arch {
+            _ if free => T::one(),
+            ArchFactor::Fixed(factor) => factor,
+            ArchFactor::FromPosture => arch::arch_factor(arch::arch_area(body, posed)),
+            ArchFactor::Scaled(scale) => {
+                let factor = arch::arch_factor(arch::arch_area(body, posed));
+                T::one() + scale * (factor - T::one())
+            }
+        };
+        Self { free, arch_factor }
+    }
+
+    /// Drag coefficient of a segment, including the arch factor.
+    #[inline(always)]
+    pub(crate) fn drag(&self, aerodynamics: &Aerodynamics<T>, segment: Segment) -> T {
+        self.arch_factor * aerodynamics.coefficients[segment].drag
+    }
+
+    #[inline(always)]
+    pub(crate) fn segment(
+        &self,
+        body: &Body<T>,
+        posed: &SegmentArray<PosedSegment<T>>,
+        aerodynamics: &Aerodynamics<T>,
+        segment: Segment,
+    ) -> ExposedSegment<T> {
         let (parameters, placed) = (&body.segments[segment], &posed[segment]);
         let coefficients = &aerodynamics.coefficients[segment];
         let axes = &placed.body_from_segment;
         let axis = |k: usize| axes.column(k).into_owned();
         let double_area = T::of(2.0) * parameters.area.y;
         let mut end = axis(2) * parameters.area.z;
-        if free {
+        if self.free {
             end *= T::of(end_drag(segment));
         }
-        *place = ExposedSegment {
+        ExposedSegment {
             silhouette: [
                 axis(0) * parameters.area.x,
                 axis(1) * parameters.area.y,
@@ -311,10 +346,10 @@ pub(crate) fn expose_into<T: Lanes>(
             ],
             dorsal: axis(1),
             centre: placed.cg,
-            drag: arch_factor * coefficients.drag,
+            drag: self.drag(aerodynamics, segment),
             lift_area: double_area * coefficients.lift,
             moment_volume: double_area * parameters.moment_arm * coefficients.moment,
-        };
+        }
     }
 }
 

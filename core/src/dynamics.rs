@@ -14,6 +14,7 @@ pub mod interval;
 pub mod muscle_input;
 pub mod point_mass;
 pub mod residual;
+pub mod sample_parts;
 pub mod steady;
 pub mod step;
 pub mod trim;
@@ -168,14 +169,7 @@ impl<T: Lanes> Dynamics<T> {
             return self.late_sample_into(posture, rate, sample);
         }
         let posed = pose(&self.body, posture);
-        (sample.mass, sample.motion) = MassMotion::with_properties(&self.body, &posed, rate);
-        sample.inertia = sample.mass.inertia_about_cg();
-        // The inertia of a body with positive masses is never singular; the identity keeps the step finite for invalid
-        // input.
-        sample.inverse_inertia = inverse_symmetric_or(&sample.inertia, Matrix3::identity);
-        sample.relative_angular_momentum = sample
-            .motion
-            .relative_angular_momentum_about_cg(&sample.mass);
+        sample.set_mass(MassMotion::with_properties(&self.body, &posed, rate));
         let aerodynamics = &mut sample.aerodynamics;
         aerodynamics.expose(&self.body, &posed, &self.aerodynamics);
     }
@@ -199,6 +193,17 @@ pub struct PostureSample<T: Lanes> {
 }
 
 impl<T: Lanes> PostureSample<T> {
+    /// Sets mass properties and mass motion, and what follows from them.
+    #[inline(always)]
+    fn set_mass(&mut self, (mass, motion): (MassProperties<T>, MassMotion<T>)) {
+        (self.mass, self.motion) = (mass, motion);
+        self.inertia = self.mass.inertia_about_cg();
+        // The inertia of a body with positive masses is never singular; the identity keeps the step finite for invalid
+        // input.
+        self.inverse_inertia = inverse_symmetric_or(&self.inertia, Matrix3::identity);
+        self.relative_angular_momentum = self.motion.relative_angular_momentum_about_cg(&self.mass);
+    }
+
     /// Creates an empty sample, to be filled by [`Dynamics::sample_into`].
     pub fn blank() -> Self {
         Self {

@@ -236,7 +236,7 @@ fn the_fit_of_errors_is_at_a_maximum() {
         .stretches
         .iter()
         .map(|stretch| {
-            let columns = linearized(&track, stretch, &problem.plain, &point, &[]).unwrap();
+            let columns = linearized(&track, stretch, &problem.plain, &point).unwrap();
             StretchFactor::new(stretch, columns, &point)
         })
         .collect();

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3, Vector6};
 use super::free_fly::{Felt, FreeFly};
 use super::load_model::LoadModel;
 use super::stream::Stream;
-use super::{Aerodynamics, ExposedSegment, Flow, Loads, expose_into};
+use super::{Aerodynamics, ExposedSegment, Exposure, Flow, Loads, expose_into};
 use crate::body::posture::PosedSegment;
 use crate::body::{Body, SEGMENT_COUNT, SegmentArray};
 use crate::math::{Lanes, cross_columns};
@@ -97,38 +97,71 @@ fn whole<T: Lanes>(components: &Symmetric<T>) -> Matrix3<T> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 
-impl<T: Lanes> Forms<T> {
+/// What a segment adds to [`Forms`], or the sum over several.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct FormShare<T: Lanes> {
+    lift: Symmetric<T>,
+    couple: Symmetric<T>,
+    lift_moment: Matrix3<T>,
+    lift_centre: [Symmetric<T>; 3],
+}
+
+impl<T: Lanes> FormShare<T> {
     fn none() -> Self {
-        let zero = Matrix3::zeros();
+        let none = Symmetric::zeros();
         Self {
-            lift: zero,
-            couple: zero,
-            lift_moment: zero,
-            lift_centre: [zero; 3],
+            lift: none,
+            couple: none,
+            lift_moment: Matrix3::zeros(),
+            lift_centre: [none; 3],
         }
     }
 
-    fn of(segments: &SegmentArray<ExposedSegment<T>>) -> Self {
-        let none = Symmetric::<T>::zeros();
-        let (mut lift, mut couple, mut centre) = (none, none, [none; 3]);
-        let mut lift_moment = Matrix3::zeros();
-        for segment in segments.values() {
-            let [x, y, z] = segment.dorsal.into();
-            let dyad = Symmetric::from([x * x, x * y, x * z, y * y, y * z, z * z]);
-            let lift_dyad = dyad * segment.lift_area;
-            lift += lift_dyad;
-            couple += dyad * segment.moment_volume;
-            lift_moment += cross_columns(&segment.centre, &whole(&lift_dyad));
-            for (sum, &coordinate) in centre.iter_mut().zip(segment.centre.iter()) {
-                *sum += lift_dyad * coordinate;
-            }
-        }
+    #[inline(always)]
+    pub(crate) fn of(segment: &ExposedSegment<T>) -> Self {
+        let [x, y, z] = segment.dorsal.into();
+        let dyad = Symmetric::from([x * x, x * y, x * z, y * y, y * z, z * z]);
+        let lift = dyad * segment.lift_area;
+        let [x, y, z] = segment.centre.into();
         Self {
-            lift: whole(&lift),
-            couple: whole(&couple),
-            lift_moment,
-            lift_centre: centre.map(|form| whole(&form)),
+            lift,
+            couple: dyad * segment.moment_volume,
+            lift_moment: cross_columns(&segment.centre, &whole(&lift)),
+            lift_centre: [lift * x, lift * y, lift * z],
         }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, share: &Self) {
+        self.lift += share.lift;
+        self.couple += share.couple;
+        self.lift_moment += share.lift_moment;
+        for (sum, share) in self.lift_centre.iter_mut().zip(&share.lift_centre) {
+            *sum += share;
+        }
+    }
+
+    fn whole(&self) -> Forms<T> {
+        Forms {
+            lift: whole(&self.lift),
+            couple: whole(&self.couple),
+            lift_moment: self.lift_moment,
+            lift_centre: self.lift_centre.map(|form| whole(&form)),
+        }
+    }
+}
+
+impl<T: Lanes> Forms<T> {
+    fn none() -> Self {
+        FormShare::none().whole()
+    }
+
+    fn of(segments: &SegmentArray<ExposedSegment<T>>) -> Self {
+        let mut sum = FormShare::none();
+        for segment in segments.values() {
+            sum.add(&FormShare::of(segment));
+        }
+        sum.whole()
     }
 
     fn scaled(mut self, factor: T) -> Self {
@@ -186,6 +219,38 @@ impl<T: Lanes> CompiledAerodynamics<T> {
     ) {
         expose_into(body, posed, aerodynamics, &mut self.segments);
         self.forms = Forms::of(&self.segments);
+        self.expose_direction(body, posed, aerodynamics);
+    }
+
+    /// Exposes the segments for which `moved` holds at new places; `shares` are those of the segments before.
+    pub(crate) fn expose_moved(
+        &mut self,
+        (body, posed): (&Body<T>, &SegmentArray<PosedSegment<T>>),
+        aerodynamics: &Aerodynamics<T>,
+        moved: &SegmentArray<bool>,
+        shares: &SegmentArray<FormShare<T>>,
+    ) {
+        let exposure = Exposure::of(body, posed, aerodynamics);
+        let mut sum = FormShare::none();
+        for (segment, exposed) in self.segments.iter_mut() {
+            if moved[segment] {
+                *exposed = exposure.segment(body, posed, aerodynamics, segment);
+                sum.add(&FormShare::of(exposed));
+            } else {
+                exposed.drag = exposure.drag(aerodynamics, segment);
+                sum.add(&shares[segment]);
+            }
+        }
+        self.forms = sum.whole();
+        self.expose_direction(body, posed, aerodynamics);
+    }
+
+    fn expose_direction(
+        &mut self,
+        body: &Body<T>,
+        posed: &SegmentArray<PosedSegment<T>>,
+        aerodynamics: &Aerodynamics<T>,
+    ) {
         if aerodynamics.model == LoadModel::Paper {
             self.free_fly = None;
         } else {

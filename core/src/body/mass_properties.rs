@@ -26,7 +26,7 @@ impl<T: Lanes> MassProperties<T> {
         for segment in Segment::ALL {
             let (parameters, placed) = (&body.segments[segment], &posed[segment]);
             let inertia = body_inertia(&parameters.inertia, &placed.body_from_segment);
-            sum.add(parameters, placed, &inertia);
+            sum.add(&MassShare::of(parameters, placed, &inertia));
         }
         sum.divided()
     }
@@ -39,17 +39,12 @@ impl<T: Lanes> MassProperties<T> {
         }
     }
 
-    /// Adds a segment of this `inertia` in body axes; until [`MassProperties::divided`], `cg` is the first moment.
-    #[inline]
-    fn add(
-        &mut self,
-        parameters: &SegmentParameters<T>,
-        placed: &PosedSegment<T>,
-        inertia: &Matrix3<T>,
-    ) {
-        self.mass += parameters.mass;
-        self.cg += placed.cg * parameters.mass;
-        self.inertia_about_origin += inertia + point_inertia(parameters.mass, &placed.cg);
+    /// Adds a segment; until [`MassProperties::divided`], `cg` is the first moment.
+    #[inline(always)]
+    fn add(&mut self, share: &MassShare<T>) {
+        self.mass += share.mass;
+        self.cg += share.first_moment;
+        self.inertia_about_origin += share.inertia;
     }
 
     fn divided(mut self) -> Self {
@@ -80,14 +75,19 @@ impl<T: Lanes> PostureRate<T> {
         let scale = T::of(2.0) / duration;
         Self(SegmentArray::from_fn(|segment| {
             let start = from.parent_from_segment(segment);
-            let end: UnitQuaternion<T> = near(to.parent_from_segment(segment), start);
-            let half_turn = (*end * start.conjugate().into_inner())
-                .vector()
-                .into_owned();
-            let square = half_turn.norm_squared();
-            let series = T::one() + square * (T::of(1.0 / 6.0) + square * T::of(3.0 / 40.0));
-            half_turn * (series * scale)
+            joint_rate(start, to.parent_from_segment(segment), scale)
         }))
+    }
+
+    /// Sets one of the rates of [`PostureRate::between`], from the joint's rotations.
+    pub fn set_between(
+        &mut self,
+        segment: Segment,
+        from: &UnitQuaternion<T>,
+        to: &UnitQuaternion<T>,
+        duration: T,
+    ) {
+        self.0[segment] = joint_rate(from, to, T::of(2.0) / duration);
     }
 
     /// Returns the posture a short time (s) before `posture` if the joints have moved at these rates.
@@ -98,6 +98,140 @@ impl<T: Lanes> PostureRate<T> {
             before.set(segment, back * posture.parent_from_segment(segment));
         }
         before
+    }
+}
+
+/// Rate of a joint, given two over the duration.
+#[inline(always)]
+fn joint_rate<T: Lanes>(
+    start: &UnitQuaternion<T>,
+    end: &UnitQuaternion<T>,
+    scale: T,
+) -> Vector3<T> {
+    let end: UnitQuaternion<T> = near(end, start);
+    let half_turn = (*end * start.conjugate().into_inner())
+        .vector()
+        .into_owned();
+    let square = half_turn.norm_squared();
+    let series = T::one() + square * (T::of(1.0 / 6.0) + square * T::of(3.0 / 40.0));
+    half_turn * (series * scale)
+}
+
+/// What a segment adds to [`MassProperties`], about the origin.
+#[derive(Debug, Clone, Copy)]
+struct MassShare<T: Lanes> {
+    mass: T,
+    first_moment: Vector3<T>,
+    inertia: Matrix3<T>,
+}
+
+impl<T: Lanes> MassShare<T> {
+    /// Of a segment with this `inertia` in body axes.
+    #[inline(always)]
+    fn of(
+        parameters: &SegmentParameters<T>,
+        placed: &PosedSegment<T>,
+        inertia: &Matrix3<T>,
+    ) -> Self {
+        Self {
+            mass: parameters.mass,
+            first_moment: placed.cg * parameters.mass,
+            inertia: inertia + point_inertia(parameters.mass, &placed.cg),
+        }
+    }
+}
+
+/// How a segment moves relative to the body frame.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SegmentMotion<T: Lanes> {
+    joint_velocity: Vector3<T>,
+    angular_velocity: Vector3<T>,
+}
+
+impl<T: Lanes> SegmentMotion<T> {
+    /// The root, which is the body frame.
+    pub(crate) fn none() -> Self {
+        Self {
+            joint_velocity: Vector3::zeros(),
+            angular_velocity: Vector3::zeros(),
+        }
+    }
+
+    /// Of a segment whose joint turns at `rate`, given its parent with the parent's motion.
+    #[inline(always)]
+    pub(crate) fn of(
+        placed: &PosedSegment<T>,
+        (parent, motion): (&PosedSegment<T>, &Self),
+        rate: &Vector3<T>,
+    ) -> Self {
+        let spin = motion.angular_velocity;
+        Self {
+            joint_velocity: motion.joint_velocity + spin.cross(&(placed.joint - parent.joint)),
+            angular_velocity: spin + parent.body_from_segment * rate,
+        }
+    }
+}
+
+/// What a moving segment adds to mass properties and mass motion.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MovingShare<T: Lanes> {
+    mass: MassShare<T>,
+    momentum: Vector3<T>,
+    angular_momentum: Vector3<T>,
+    inertia_rate: Matrix3<T>,
+}
+
+impl<T: Lanes> MovingShare<T> {
+    #[inline(always)]
+    pub(crate) fn of(
+        parameters: &SegmentParameters<T>,
+        placed: &PosedSegment<T>,
+        motion: &SegmentMotion<T>,
+    ) -> Self {
+        let spin = motion.angular_velocity;
+        let velocity = motion.joint_velocity + spin.cross(&(placed.cg - placed.joint));
+        let inertia = body_inertia(&parameters.inertia, &placed.body_from_segment);
+        let momentum = velocity * parameters.mass;
+        let turning = cross_columns(&spin, &inertia);
+        let pull = outer_pair(&placed.cg, &momentum);
+        Self {
+            mass: MassShare::of(parameters, placed, &inertia),
+            momentum,
+            angular_momentum: placed.cg.cross(&momentum) + inertia * spin,
+            inertia_rate: turning
+                + turning.transpose()
+                + Matrix3::from_diagonal_element(pull.trace())
+                - pull,
+        }
+    }
+}
+
+/// Sum over the segments, of which each is added in the order of [`Segment::ALL`].
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MovingSum<T: Lanes> {
+    properties: MassProperties<T>,
+    motion: MassMotion<T>,
+}
+
+impl<T: Lanes> MovingSum<T> {
+    pub(crate) fn none() -> Self {
+        Self {
+            properties: MassProperties::none(),
+            motion: MassMotion::zero(),
+        }
+    }
+
+    #[inline(always)]
+    pub(crate) fn add(&mut self, share: &MovingShare<T>) {
+        self.properties.add(&share.mass);
+        self.motion.cg_rate += share.momentum;
+        self.motion.relative_angular_momentum += share.angular_momentum;
+        self.motion.inertia_rate += share.inertia_rate;
+    }
+
+    pub(crate) fn done(mut self) -> (MassProperties<T>, MassMotion<T>) {
+        self.motion.cg_rate /= self.properties.mass;
+        (self.properties.divided(), self.motion)
     }
 }
 
@@ -137,33 +271,18 @@ impl<T: Lanes> MassMotion<T> {
         posed: &SegmentArray<PosedSegment<T>>,
         rate: &PostureRate<T>,
     ) -> (MassProperties<T>, Self) {
-        let mut properties = MassProperties::none();
-        let mut sum = Self::zero();
-        let mut joint_velocity = SegmentArray::from_fn(|_| Vector3::<T>::zeros());
-        let mut angular_velocity = joint_velocity;
+        let mut sum = MovingSum::none();
+        let mut moving = SegmentArray::from_fn(|_| SegmentMotion::<T>::none());
         for segment in Segment::ALL {
-            let (parameters, placed) = (&body.segments[segment], &posed[segment]);
+            let placed = &posed[segment];
             if let Some(parent) = segment.parent() {
-                let base = &posed[parent];
-                let spin = angular_velocity[parent];
-                joint_velocity[segment] =
-                    joint_velocity[parent] + spin.cross(&(placed.joint - base.joint));
-                angular_velocity[segment] = spin + base.body_from_segment * rate.0[segment];
+                let of_parent = (&posed[parent], &moving[parent]);
+                moving[segment] = SegmentMotion::of(placed, of_parent, &rate.0[segment]);
             }
-            let spin = angular_velocity[segment];
-            let velocity = joint_velocity[segment] + spin.cross(&(placed.cg - placed.joint));
-            let inertia = body_inertia(&parameters.inertia, &placed.body_from_segment);
-            properties.add(parameters, placed, &inertia);
-            let momentum = velocity * parameters.mass;
-            sum.cg_rate += momentum;
-            sum.relative_angular_momentum += placed.cg.cross(&momentum) + inertia * spin;
-            let turning = cross_columns(&spin, &inertia);
-            let pull = outer_pair(&placed.cg, &momentum);
-            sum.inertia_rate +=
-                turning + turning.transpose() + Matrix3::from_diagonal_element(pull.trace()) - pull;
+            let parameters = &body.segments[segment];
+            sum.add(&MovingShare::of(parameters, placed, &moving[segment]));
         }
-        sum.cg_rate /= properties.mass;
-        (properties.divided(), sum)
+        sum.done()
     }
 
     /// Angular momentum of the segments relative to a frame that moves with the centre of gravity and rotates with the

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Quaternion, SimdBool, UnitQuaternion, Vector3};
 
-use super::{Body, Segment, SegmentArray};
+use super::{Body, Segment, SegmentArray, SegmentParameters};
 use crate::math::{self, Lanes, Real};
 
 /// Rotation of each segment relative to its parent; every rotation is the identity in the H-pose (standing, arms
@@ -83,10 +83,7 @@ impl<T: Lanes> Posture<T> {
     pub fn interpolated(&self, other: &Self, share: T) -> Self {
         Self {
             parent_from_segment: self.parent_from_segment.map(|segment, from| {
-                let to = near(&other.parent_from_segment[segment], from);
-                math::normalized(Quaternion::from(
-                    from.coords * (T::one() - share) + to.coords * share,
-                ))
+                joint_between(from, &other.parent_from_segment[segment], share)
             }),
         }
     }
@@ -141,6 +138,19 @@ impl<T: Lanes> Posture<T> {
             }),
         }
     }
+}
+
+/// One joint of [`Posture::interpolated`].
+#[inline]
+pub fn joint_between<T: Lanes>(
+    from: &UnitQuaternion<T>,
+    to: &UnitQuaternion<T>,
+    share: T,
+) -> UnitQuaternion<T> {
+    let to = near(to, from);
+    math::normalized(Quaternion::from(
+        from.coords * (T::one() - share) + to.coords * share,
+    ))
 }
 
 /// Returns whichever of `rotation` and its negated quaternion, the same rotation, is nearer to `reference`.
@@ -202,6 +212,31 @@ pub struct PosedSegment<T: Lanes> {
     pub cg: Vector3<T>,
 }
 
+impl<T: Lanes> PosedSegment<T> {
+    /// Poses a segment that is turned against its parent, which is posed already.
+    #[inline(always)]
+    pub(crate) fn of(
+        parameters: &SegmentParameters<T>,
+        parent: Option<&Self>,
+        parent_from_segment: &UnitQuaternion<T>,
+    ) -> Self {
+        let parent_from_segment = rotation_matrix(parent_from_segment);
+        let (body_from_segment, joint) = match parent {
+            Some(parent) => (
+                parent.body_from_segment * parent_from_segment,
+                parent.joint + parent.body_from_segment * parameters.joint_offset,
+            ),
+            None => (parent_from_segment, parameters.joint_offset),
+        };
+        let cg = joint + body_from_segment * parameters.cg;
+        Self {
+            body_from_segment,
+            joint,
+            cg,
+        }
+    }
+}
+
 /// Computes axes, joint and centre of gravity of every segment, paper eq. (chain).
 pub fn pose<T: Lanes>(body: &Body<T>, posture: &Posture<T>) -> SegmentArray<PosedSegment<T>> {
     let mut posed = SegmentArray::from_fn(|_| PosedSegment {
@@ -210,24 +245,9 @@ pub fn pose<T: Lanes>(body: &Body<T>, posture: &Posture<T>) -> SegmentArray<Pose
         cg: Vector3::zeros(),
     });
     for segment in Segment::ALL {
-        let parameters = &body.segments[segment];
-        let parent_from_segment = rotation_matrix(&posture.parent_from_segment[segment]);
-        let (body_from_segment, joint) = match segment.parent() {
-            Some(parent) => {
-                let parent = &posed[parent];
-                (
-                    parent.body_from_segment * parent_from_segment,
-                    parent.joint + parent.body_from_segment * parameters.joint_offset,
-                )
-            }
-            None => (parent_from_segment, parameters.joint_offset),
-        };
-        let cg = joint + body_from_segment * parameters.cg;
-        posed[segment] = PosedSegment {
-            body_from_segment,
-            joint,
-            cg,
-        };
+        let parent = segment.parent().map(|parent| &posed[parent]);
+        let turn = posture.parent_from_segment(segment);
+        posed[segment] = PosedSegment::of(&body.segments[segment], parent, turn);
     }
     posed
 }

@@ -121,13 +121,16 @@ impl<'a> JointFit<'a> {
         out_of_question: &[Effect],
         progress: &dyn Progress,
     ) -> Result<Vec<Hypothesis>> {
-        let of_flights = |flights: &[(&FlightProblem<'_>, LinearFit)]| -> Vec<DMatrix<f64>> {
-            flights
-                .iter()
-                .map(|(_, fitted)| fitted.all_effects())
-                .collect()
+        let of_flights = |flights: &[(&FlightProblem<'_>, LinearFit)]| {
+            let each = flights.iter();
+            each.map(|(problem, fitted)| problem.all_effects(fitted, progress).cloned())
+                .collect::<Option<Vec<DMatrix<f64>>>>()
         };
-        let (here, there) = (of_flights(&self.fitted), of_flights(&self.held_out));
+        let flights = of_flights(&self.fitted).zip(of_flights(&self.held_out));
+        check(progress)?;
+        let Some((here, there)) = flights else {
+            return Ok(Vec::new());
+        };
         let mut hypotheses: Vec<Hypothesis> = Effect::ALL
             .iter()
             .filter(|effect| !effect.is_random() && !out_of_question.contains(effect))

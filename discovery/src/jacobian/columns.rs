@@ -21,8 +21,6 @@ pub struct Jacobian {
     pub force: DMatrix<f64>,
     /// With respect to a moment in each window.
     pub moment: DMatrix<f64>,
-    /// With respect to the effects.
-    pub effects: DMatrix<f64>,
 }
 
 impl Jacobian {
@@ -35,7 +33,6 @@ impl Jacobian {
             &self.subject,
             &self.force,
             &self.moment,
-            &self.effects,
         ];
         self.residual.iter().all(|value| value.is_finite())
             && others.into_iter().chain(&self.joints).all(finite)

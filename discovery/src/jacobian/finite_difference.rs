@@ -1,6 +1,8 @@
 //! The linear problem of a stretch: its residual, and its derivatives with respect to everything that may be wrong.
 //!
-//! Every column is the difference of two simulations, so a new effect needs no code here.
+//! Every column is the difference of the residuals of two simulations, so a new effect needs no code here. The difference
+//! between the two attitudes would not do, because rotations do not add up: it departs from that of the residuals by half
+//! the residual.
 
 use crate::named_effect::EffectSet;
 use bodyflight_core::effect::{Effect, Model, extended};
@@ -14,7 +16,6 @@ use crate::jacobian::random_effects::{Changes, RandomEffectColumns};
 use crate::jacobian::subject_error::{GYRO, SUBJECT};
 use crate::shooting::joint_error::{Angles, JOINTS, bend, legendre};
 use crate::shooting::perturbation::{InputPerturbation, UnknownWrench};
-use crate::shooting::prediction::Prediction;
 use crate::shooting::simulator::{Simulator, Steps};
 use crate::shooting::stretch::{CHANNELS, Stretch};
 
@@ -37,32 +38,28 @@ fn collected(
     matrix
 }
 
-/// Computes all derivatives of a stretch. Returns `None` if a simulation diverges.
+/// Computes all derivatives of a stretch but those of effects. Returns `None` if a simulation diverges.
 pub(crate) fn linearized(
     track: &RecordedFlight,
     stretch: &Stretch,
     plain: &Model<f64>,
     point: &LinearizationPoint,
-    parameters: &[ParameterId],
 ) -> Option<Jacobian> {
     let likely = point.start_in(stretch);
     let wrong = point.joints_in(stretch);
     let base = Simulator::new(track, stretch, &point.model(plain), &wrong, Steps::Long);
-    let flown = base.fly(&likely, None);
-    let change = |other: &Prediction, size: f64| other.less(&flown, track, stretch) / size;
+    let flown = base.residual(&likely, None);
     let start = collected(stretch, CHANNELS, |k| {
         let mut by = likely;
         by[k] += START_STEP[k];
-        change(&base.fly(&by, None), START_STEP[k])
+        (&flown - base.residual(&by, None)) / START_STEP[k]
     });
     let joints = [0, 1, 2].map(|degree| {
         collected(stretch, JOINTS, |k| {
             let mut joints = wrong.clone();
             joints.course[degree][k] += JOINT_STEP;
-            change(
-                &base.with_joint(&joints, k / 3).fly(&likely, None),
-                JOINT_STEP,
-            )
+            let other = base.with_joint(&joints, k / 3);
+            (&flown - other.residual(&likely, None)) / JOINT_STEP
         })
     });
     let bends = bends(track, stretch);
@@ -79,10 +76,8 @@ pub(crate) fn linearized(
         if step == 0.0 {
             return DVector::zeros(stretch.grid.residuals());
         }
-        change(
-            &base.changed_to(&subject.of(&effects)).fly(&likely, None),
-            step,
-        )
+        let other = base.changed_to(&subject.of(&effects));
+        (&flown - other.residual(&likely, None)) / step
     });
     let pushed = |force: f64, moment: f64| {
         collected(stretch, 3 * stretch.grid.rows, |k| {
@@ -93,7 +88,7 @@ pub(crate) fn linearized(
                 force: axis * force,
                 moment: axis * moment,
             };
-            change(&base.fly(&likely, Some(push)), force + moment)
+            (&flown - base.residual(&likely, Some(push))) / (force + moment)
         })
     };
     let columns = Jacobian {
@@ -105,7 +100,6 @@ pub(crate) fn linearized(
         subject,
         force: pushed(FORCE_STEP, 0.0),
         moment: pushed(0.0, MOMENT_STEP),
-        effects: effect_columns(stretch, plain, point, parameters, (&base, &flown)),
     };
     columns.is_finite().then_some(columns)
 }
@@ -120,9 +114,7 @@ pub(crate) fn residual(
     let model = point.model(plain);
     let joints = point.joints_in(stretch);
     let flight = Simulator::new(track, stretch, &model, &joints, Steps::Short);
-    flight
-        .fly(&point.start_in(stretch), None)
-        .residual(track, stretch)
+    flight.residual(&point.start_in(stretch), None)
 }
 
 /// Derivatives with respect to some parameters, and the residual in the last column.
@@ -152,22 +144,12 @@ pub(crate) fn effects_alone(
     }
     let joints = point.joints_in(stretch);
     let base = Simulator::new(track, stretch, &point.model(plain), &joints, Steps::Long);
-    let flown = base.fly(&point.start_in(stretch), None);
-    effect_columns(stretch, plain, point, parameters, (&base, &flown))
-}
-
-fn effect_columns(
-    stretch: &Stretch,
-    plain: &Model<f64>,
-    point: &LinearizationPoint,
-    parameters: &[ParameterId],
-    (base, flown): (&Simulator<'_>, &Prediction),
-) -> DMatrix<f64> {
     let likely = point.start_in(stretch);
+    let flown = base.residual(&likely, None);
     collected(stretch, parameters.len(), |k| {
         let (other, size) = changed(plain, &point.effects, parameters[k]);
         let flight = base.changed_to(&point.subject.of(&other));
-        flight.fly(&likely, None).less(flown, base.track, stretch) / size
+        (&flown - flight.residual(&likely, None)) / size
     })
 }
 
@@ -187,7 +169,7 @@ pub(crate) fn random_effects(
     let joints = point.joints_in(stretch);
     let base = Simulator::new(track, stretch, &model, &joints, Steps::Long);
     let likely = point.start_in(stretch);
-    let flown = base.fly(&likely, None);
+    let flown = base.residual(&likely, None);
     let start = &stretch.start;
     let air = model.dynamics.air.velocity_at(&start.position);
     let through_air = (start.velocity_inertial() - air).components;
@@ -195,8 +177,8 @@ pub(crate) fn random_effects(
         effect: *effect,
         columns: collected(stretch, 3 * stretch.grid.rows, |k| {
             let (varied, size) = InputPerturbation::new(*effect, k / 3, k % 3);
-            let other = base.with_varied(varied).fly(&likely, None);
-            other.less(&flown, track, stretch) / size
+            let other = base.with_varied(varied);
+            (&flown - other.residual(&likely, None)) / size
         }),
     };
     RandomEffectColumns::new(effects.iter().map(of).collect(), through_air)

@@ -15,17 +15,16 @@ use crate::shooting::stretch::{CHANNELS, Channels, Stretch};
 /// Sensor group of each channel.
 const GROUP: [usize; CHANNELS] = [0, 0, 0, 1, 1, 1, 2, 2, 3];
 
-/// Residual and derivatives of a stretch, with everything that contributes to its covariance.
+/// Residual and derivatives of a stretch, with everything that contributes to its covariance. Fits with the same slopes
+/// share them.
 #[derive(Clone)]
 pub struct StretchFactor {
     /// Residual at zero constants, to first order.
     pub residual: DVector<f64>,
     /// Derivatives with respect to the constants.
-    pub constants: DMatrix<f64>,
-    /// Derivatives with respect to the effects.
-    pub effects: DMatrix<f64>,
+    pub constants: Arc<DMatrix<f64>>,
     /// Derivatives with respect to a force and a moment in each window.
-    pub pushes: [DMatrix<f64>; 2],
+    pub pushes: Arc<[DMatrix<f64>; 2]>,
     /// Covariance of each component for a unit variance.
     kernels: Arc<[DMatrix<f64>]>,
     /// The effects that change at random, if the model has any.
@@ -35,7 +34,7 @@ pub struct StretchFactor {
     /// First frame of the stretch.
     pub(crate) first: usize,
     /// Derivatives with respect to the joints, by degree of their course.
-    pub(crate) joints: [DMatrix<f64>; 3],
+    pub(crate) joints: Arc<[DMatrix<f64>; 3]>,
     /// Derivatives with respect to the start, and its variance and its covariance with the first comparison for unit
     /// variance of a frame.
     start: DMatrix<f64>,
@@ -93,14 +92,13 @@ impl StretchFactor {
         }
         let part = Self {
             residual: DVector::zeros(residuals),
-            constants,
-            effects: columns.effects,
-            pushes: [columns.force, columns.moment],
+            constants: Arc::new(constants),
+            pushes: Arc::new([columns.force, columns.moment]),
             kernels: kernels.into(),
             varying: None,
             weight: 1.0,
             first: stretch.first,
-            joints: columns.joints,
+            joints: Arc::new(columns.joints),
             free_start,
             of_free_start: product_transposed(&scaled, &columns.start),
             start: columns.start,
@@ -119,7 +117,7 @@ impl StretchFactor {
             }
             self.wandered += &self.start * errors.start;
         }
-        self.residual = residual + &self.constants * point.constants() + &self.wandered;
+        self.residual = residual + &*self.constants * point.constants() + &self.wandered;
         self
     }
 
@@ -134,7 +132,7 @@ impl StretchFactor {
     /// that the constants leave.
     pub(crate) fn likely(&self, sizes: &Components, pulled: &DVector<f64>) -> StretchErrors {
         let mut wander = [Angles::zeros(); 3];
-        for ((angles, columns), k) in wander.iter_mut().zip(&self.joints).zip(WANDER) {
+        for ((angles, columns), k) in wander.iter_mut().zip(&*self.joints).zip(WANDER) {
             angles.copy_from(&(columns.tr_mul(pulled) * sizes[k]));
         }
         let [variance, covariance] = self.start_noise;
@@ -150,7 +148,11 @@ impl StretchFactor {
     pub fn covariance(&self, sizes: &Components) -> Option<Cholesky<f64, Dyn>> {
         let mut covariance = &self.of_free_start / self.weight;
         for (k, kernel) in self.kernels() {
-            covariance += kernel * (sizes[k] / self.weight);
+            let size = sizes[k] / self.weight;
+            // In place: a copy of each product took longer than the products.
+            for (sum, kernel) in covariance.as_mut_slice().iter_mut().zip(kernel.as_slice()) {
+                *sum += kernel * size;
+            }
         }
         covariance.cholesky()
     }

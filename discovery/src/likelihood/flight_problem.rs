@@ -1,6 +1,6 @@
 //! A flight as a linear problem: fits its errors, and reduces columns by marginalizing the constants.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::named_effect::EffectSet;
 use bodyflight_core::dynamics::applied_load::AppliedLoads;
@@ -83,7 +83,6 @@ impl<'a> FlightProblem<'a> {
     fn linearized(
         &self,
         point: &LinearizationPoint,
-        parameters: &[ParameterId],
         progress: &dyn Progress,
     ) -> Result<Option<Vec<StretchFactor>>> {
         let parts: Option<Vec<StretchFactor>> = self
@@ -92,7 +91,7 @@ impl<'a> FlightProblem<'a> {
             .zip(&self.weights)
             .map(|(stretch, weight)| {
                 check(progress).ok()?;
-                let columns = linearized(self.track, stretch, &self.plain, point, parameters)?;
+                let columns = linearized(self.track, stretch, &self.plain, point)?;
                 let mut part = StretchFactor::new(stretch, columns, point);
                 part.weight = *weight;
                 let random = random(&point.effects);
@@ -132,11 +131,10 @@ impl<'a> FlightProblem<'a> {
         for k in fixed_by(&point.effects) {
             point.subject.0[k] = 0.0;
         }
-        let parameters = all_parameters();
         let mut errors = errors.cloned();
         let mut found = None;
         for _ in 0..rounds {
-            let Some(parts) = self.linearized(&point, &parameters, progress)? else {
+            let Some(parts) = self.linearized(&point, progress)? else {
                 return Ok(None);
             };
             let steps = if errors.is_some() {
@@ -144,7 +142,11 @@ impl<'a> FlightProblem<'a> {
             } else {
                 FIRST_STEPS
             };
-            let Some(fitted) = self.fitted(parts, point, errors.as_ref(), steps, progress)? else {
+            let slopes_at = Arc::new(point.clone());
+            let found_errors = errors.as_ref();
+            let Some(fitted) =
+                self.fitted(parts, (point, slopes_at), found_errors, steps, progress)?
+            else {
                 return Ok(None);
             };
             errors = Some(fitted.errors.clone());
@@ -161,8 +163,9 @@ impl<'a> FlightProblem<'a> {
     /// Returns an error if the search was cancelled.
     pub fn first(&self, progress: &dyn Progress) -> Result<Option<LinearFit>> {
         let point = LinearizationPoint::files();
-        match self.linearized(&point, &[], progress)? {
-            Some(parts) => self.fitted(parts, point, None, FIRST_STEPS, progress),
+        let slopes_at = Arc::new(point.clone());
+        match self.linearized(&point, progress)? {
+            Some(parts) => self.fitted(parts, (point, slopes_at), None, FIRST_STEPS, progress),
             None => Ok(None),
         }
     }
@@ -197,7 +200,8 @@ impl<'a> FlightProblem<'a> {
         match parts {
             Some(parts) => {
                 let errors = Some(&fitted.errors);
-                self.fitted(parts, point, errors, FURTHER_STEPS, progress)
+                let points = (point, fitted.slopes_at.clone());
+                self.fitted(parts, points, errors, FURTHER_STEPS, progress)
             }
             None => Ok(None),
         }
@@ -255,7 +259,7 @@ impl<'a> FlightProblem<'a> {
     fn fitted(
         &self,
         parts: Vec<StretchFactor>,
-        point: LinearizationPoint,
+        (point, slopes_at): (LinearizationPoint, Arc<LinearizationPoint>),
         errors: Option<&FittedErrors>,
         steps: usize,
         progress: &dyn Progress,
@@ -271,9 +275,11 @@ impl<'a> FlightProblem<'a> {
             SchurComplement::new(estimate.weighed, &estimate.information, &prior_deviations);
         Ok(whitened.map(|whitened| LinearFit {
             point,
+            slopes_at,
             parts,
             errors: estimate.errors,
             whitened,
+            all_effects: OnceLock::new(),
             joint_limit: prior.tolerances.joint_limit_deg().to_radians(),
         }))
     }
@@ -309,21 +315,47 @@ impl<'a> FlightProblem<'a> {
         parameters: &[ParameterId],
         progress: &dyn Progress,
     ) -> Option<DMatrix<f64>> {
-        let columns: Option<Vec<DMatrix<f64>>> = self
-            .stretches
-            .par_iter()
-            .zip(&fitted.parts)
-            .map(|(stretch, part)| {
-                check(progress).ok()?;
-                let (track, point) = (self.track, &fitted.point);
-                let slopes = effects_alone(track, stretch, &self.plain, point, parameters);
-                let mut columns = slopes.insert_column(parameters.len(), 0.0);
-                columns.set_column(parameters.len(), &part.residual);
-                let finite = columns.iter().all(|value| value.is_finite());
-                finite.then_some(columns)
-            })
-            .collect();
-        Some(fitted.whitened.reduced(&columns?))
+        let columns = self.columns_at(&fitted.point, fitted, parameters, progress)?;
+        let mut values = columns.iter().flatten();
+        values
+            .all(|value| value.is_finite())
+            .then(|| fitted.whitened.reduced(&columns))
+    }
+
+    /// The same with columns for all effects, at the point at which the other slopes of the fit were computed. Few fits
+    /// are compared with all effects, so the columns are computed when they are asked for. Those of an effect with which
+    /// the simulation diverges are not finite. Returns `None` if the search was cancelled.
+    pub fn all_effects<'b>(
+        &self,
+        fitted: &'b LinearFit,
+        progress: &dyn Progress,
+    ) -> Option<&'b DMatrix<f64>> {
+        if fitted.all_effects.get().is_none() {
+            let parameters = all_parameters();
+            let columns = self.columns_at(&fitted.slopes_at, fitted, &parameters, progress)?;
+            let reduced = fitted.whitened.reduced(&columns);
+            fitted.all_effects.get_or_init(|| reduced);
+        }
+        fitted.all_effects.get()
+    }
+
+    /// The derivatives with respect to some parameters at a point, and the residual of the fit in the last column.
+    fn columns_at(
+        &self,
+        point: &LinearizationPoint,
+        fitted: &LinearFit,
+        parameters: &[ParameterId],
+        progress: &dyn Progress,
+    ) -> Option<Vec<DMatrix<f64>>> {
+        let each = self.stretches.par_iter().zip(&fitted.parts);
+        each.map(|(stretch, part)| {
+            check(progress).ok()?;
+            let slopes = effects_alone(self.track, stretch, &self.plain, point, parameters);
+            let mut columns = slopes.insert_column(parameters.len(), 0.0);
+            columns.set_column(parameters.len(), &part.residual);
+            Some(columns)
+        })
+        .collect()
     }
 
     /// The same for each stretch, before the reduction.
@@ -383,7 +415,7 @@ impl<'a> FlightProblem<'a> {
                 let mut columns = columns(stretch)?;
                 let last = columns.ncols() - 1;
                 let mut residual = columns.column_mut(last);
-                residual += &part.constants * &around + &part.wandered;
+                residual += &*part.constants * &around + &part.wandered;
                 let finite = columns.iter().all(|value| value.is_finite());
                 finite.then_some(columns)
             })

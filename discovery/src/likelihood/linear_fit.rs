@@ -1,6 +1,7 @@
 //! A flight as a linear problem with fitted errors.
 
 use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
 
 use crate::named_effect::EffectSet;
 use nalgebra::DMatrix;
@@ -30,31 +31,20 @@ const STEPS_WITHOUT_WRENCH: usize = 12;
 pub struct LinearFit {
     /// The point of linearization: effects and constants.
     pub point: LinearizationPoint,
+    /// The point at which the slopes were computed.
+    pub(crate) slopes_at: Arc<LinearizationPoint>,
     /// One for each stretch.
     pub parts: Vec<StretchFactor>,
     /// The errors.
     pub errors: FittedErrors,
     pub(crate) whitened: SchurComplement,
+    /// The reduced problem with columns for all effects, once it was asked for.
+    pub(crate) all_effects: OnceLock<DMatrix<f64>>,
     /// Largest plausible joint error, constant or wandering (rad). Fitted errors do not exceed it.
     pub(crate) joint_limit: f64,
 }
 
 impl LinearFit {
-    /// The reduced problem with columns for all effects, then the residual.
-    pub fn all_effects(&self) -> DMatrix<f64> {
-        let columns: Vec<DMatrix<f64>> = self
-            .parts
-            .par_iter()
-            .map(|part| {
-                let places = part.effects.ncols();
-                let mut columns = part.effects.clone().insert_column(places, 0.0);
-                columns.set_column(places, &part.residual);
-                columns
-            })
-            .collect();
-        self.whitened.reduced(&columns)
-    }
-
     /// Whitened columns of every stretch, with the constants marginalized out.
     ///
     /// Returns `None` if a covariance is not positive definite.
@@ -62,7 +52,7 @@ impl LinearFit {
         let done = &self.errors.covariance * self.whitened.with_constants(columns);
         let each = self.parts.par_iter().zip(columns);
         each.map(|(part, columns)| {
-            let mut left = columns - &part.constants * &done;
+            let mut left = columns - &*part.constants * &done;
             let factor = part.covariance(&self.errors.sizes)?;
             factor.l_dirty().solve_lower_triangular_mut(&mut left);
             Some(left)

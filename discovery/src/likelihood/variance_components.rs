@@ -64,7 +64,7 @@ impl FittedErrors {
     /// The most likely errors of each stretch.
     pub(crate) fn of_stretches(&self, parts: &[StretchFactor]) -> BTreeMap<usize, StretchErrors> {
         let of = |part: &StretchFactor| {
-            let left = &part.residual - &part.constants * &self.constants;
+            let left = &part.residual - &*part.constants * &self.constants;
             let pulled = part.covariance(&self.sizes)?.solve(&left) / part.weight;
             Some((part.first, part.likely(&self.sizes, &pulled)))
         };
@@ -136,7 +136,7 @@ pub(crate) fn fit(
         }
     }
     let square = |(part, weighed): (&StretchFactor, &WeightedStretch)| {
-        let left = &part.residual - &part.constants * &best.constants;
+        let left = &part.residual - &*part.constants * &best.constants;
         left.dot(&(&weighed.inverse * &left))
     };
     Some(ErrorFit {

@@ -142,7 +142,7 @@ pub fn pushes(fitted: &LinearFit) -> Vec<WrenchesOfStretch> {
         .parts
         .par_iter()
         .map(|part| {
-            let left = &part.residual - &part.constants * &fitted.errors.constants;
+            let left = &part.residual - &*part.constants * &fitted.errors.constants;
             let pulled = part
                 .covariance(&fitted.errors.sizes)
                 .map_or_else(|| DVector::zeros(left.len()), |factor| factor.solve(&left));

@@ -3,7 +3,7 @@
 use bodyflight_core::body::SEGMENT_COUNT;
 use bodyflight_core::math::small_rotation;
 use bodyflight_core::{Posture, Segment};
-use nalgebra::{SVector, Vector3};
+use nalgebra::{SVector, UnitQuaternion, Vector3};
 
 /// Number of joint angles: three for each segment but the pelvis.
 pub(crate) const JOINTS: usize = 3 * (SEGMENT_COUNT - 1);
@@ -42,13 +42,25 @@ impl JointErrors {
     }
 
     /// One joint of the true posture, given by its index among the segments that have a parent.
-    pub fn correct_joint(
+    fn correct_joint(
         &self,
         recorded: &Posture<f64>,
         place: f64,
         joint: usize,
         posture: &mut Posture<f64>,
     ) {
+        if let Some(corrected) = self.corrected_joint(recorded, place, joint) {
+            posture.set(Segment::ALL[joint + 1], corrected);
+        }
+    }
+
+    /// The true rotation of one joint; `None` if it is as recorded.
+    pub(crate) fn corrected_joint(
+        &self,
+        recorded: &Posture<f64>,
+        place: f64,
+        joint: usize,
+    ) -> Option<UnitQuaternion<f64>> {
         let segment = Segment::ALL[joint + 1];
         let part = |angles: &Angles| angles.fixed_rows::<3>(3 * joint).into_owned();
         let from_parent = recorded.parent_from_segment(segment);
@@ -60,9 +72,7 @@ impl JointErrors {
         if bend != Vector3::zeros() {
             turn += bend.component_mul(&from_parent.scaled_axis());
         }
-        if turn != Vector3::zeros() {
-            posture.set(segment, from_parent * small_rotation(&turn));
-        }
+        (turn != Vector3::zeros()).then(|| from_parent * small_rotation(&turn))
     }
 }
 

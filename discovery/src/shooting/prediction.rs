@@ -41,18 +41,6 @@ impl Prediction {
         }
         averages
     }
-
-    /// Difference from another simulation with the same stride: the residuals of the other less those of this one. The
-    /// difference between the two attitudes would not do, because rotations do not add up: it departs from that of the
-    /// residuals by half the residual.
-    pub(crate) fn less(
-        &self,
-        other: &Self,
-        track: &RecordedFlight,
-        stretch: &Stretch,
-    ) -> DVector<f64> {
-        other.residual(track, stretch) - self.residual(track, stretch)
-    }
 }
 
 /// Weights of the simulated frames of a window, from its start to its end, for the mean over all frames after the start.

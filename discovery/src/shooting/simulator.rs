@@ -1,17 +1,15 @@
 //! Simulates a stretch from any start: its intervals with their postures, and the readings of the sensors.
 
-use std::rc::Rc;
-
-use bodyflight_core::Posture;
-use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::dynamics::{Inputs, Motion, PostureSample, State};
 use bodyflight_core::effect::Model;
 use bodyflight_core::effect::history::moving_at;
 use bodyflight_core::effect::sensors::Moving;
 use bodyflight_core::frame::Vector;
-use nalgebra::Vector3;
+use bodyflight_core::{Posture, Segment};
+use nalgebra::{DVector, Vector3};
 
 use crate::input::flight::RecordedFlight;
+use crate::shooting::intervals::Intervals;
 use crate::shooting::joint_error::JointErrors;
 use crate::shooting::perturbation::{InputPerturbation, UnknownWrench};
 use crate::shooting::prediction::Prediction;
@@ -44,9 +42,6 @@ impl Steps {
     }
 }
 
-/// The posture in the middle of an interval, and its rate of change.
-type Posed = (Posture<f64>, PostureRate<f64>);
-
 /// The intervals of a stretch, prepared for simulation from any start.
 pub(crate) struct Simulator<'a> {
     pub(crate) track: &'a RecordedFlight,
@@ -56,11 +51,8 @@ pub(crate) struct Simulator<'a> {
     pub(crate) steps: Steps,
     /// Number of intervals in the stretch.
     pub(crate) count: usize,
-    /// Postures at the ends of the intervals: recorded and corrected. With short steps, these and the following lists
-    /// include an interval before the stretch and one after it.
-    ends: Rc<[[Posture<f64>; 2]]>,
-    postures: Rc<[Posed]>,
-    samples: Rc<[PostureSample<f64>]>,
+    /// The body in the intervals. With short steps, these include an interval before the stretch and one after it.
+    intervals: Intervals,
     varied: Option<InputPerturbation>,
 }
 
@@ -87,19 +79,18 @@ impl<'a> Simulator<'a> {
             let over_stretch = over_stretch(k, margin, count);
             [recorded, joints.correct(&recorded, over_stretch)]
         };
-        let prepared = Self {
+        let ends = (0..=count + 2 * margin).map(at).collect();
+        let duration = duration(track, stretch, count);
+        Self {
             track,
             stretch,
-            samples: Rc::default(),
             model: *model,
             joints: joints.clone(),
             steps,
             count,
-            ends: (0..=count + 2 * margin).map(at).collect(),
-            postures: Rc::default(),
+            intervals: Intervals::new(ends, &model.dynamics, duration),
             varied: None,
-        };
-        prepared.posed()
+        }
     }
 
     /// Time of a frame (s).
@@ -107,42 +98,17 @@ impl<'a> Simulator<'a> {
         self.track.samples[frame].time
     }
 
-    /// Derives the postures within the intervals from those at their ends.
-    fn posed(mut self) -> Self {
-        let frames = self.stretch.grid.frames();
-        let first = self.stretch.first;
-        let duration = (self.time(first + frames) - self.time(first)) / self.count as f64;
-        let posed = |pair: &[[Posture<f64>; 2]]| {
-            let [from, to] = [&pair[0][1], &pair[1][1]];
-            (
-                from.interpolated(to, 0.5),
-                PostureRate::between(from, to, duration),
-            )
-        };
-        self.postures = self.ends.windows(2).map(posed).collect();
-        self.samples = sampled(&self.model, &self.postures);
-        self
-    }
-
     /// The same intervals for another model. Whatever does not depend on the change is reused.
     pub(crate) fn changed_to(&self, model: &Model<f64>) -> Self {
-        if self.model.sensors != model.sensors {
+        // Of the sensors' errors, only this one moves the postures.
+        if model.sensors.posture_delay - self.model.sensors.posture_delay != 0.0 {
             return Self::new(self.track, self.stretch, model, &self.joints, self.steps);
         }
         let [now, then] = [&self.model.dynamics, &model.dynamics];
-        let same = now.body == then.body
-            && now.aerodynamics == then.aerodynamics
-            && now.stream == then.stream;
         Self {
-            samples: if same {
-                self.samples.clone()
-            } else {
-                sampled(model, &self.postures)
-            },
             model: *model,
             joints: self.joints.clone(),
-            ends: self.ends.clone(),
-            postures: self.postures.clone(),
+            intervals: self.intervals.changed(now, then),
             ..*self
         }
     }
@@ -150,20 +116,17 @@ impl<'a> Simulator<'a> {
     /// The same model with other errors of one joint, given by its index among the segments that have a parent.
     pub(crate) fn with_joint(&self, joints: &JointErrors, joint: usize) -> Self {
         let margin = self.steps.margin();
-        let changed = |(k, [recorded, posture]): (usize, &[Posture<f64>; 2])| {
-            let mut posture = *posture;
+        let turn = |k: usize, recorded: &Posture<f64>| {
             let place = over_stretch(k, margin, self.count);
-            joints.correct_joint(recorded, place, joint, &mut posture);
-            [*recorded, posture]
+            joints.corrected_joint(recorded, place, joint)
         };
-        let prepared = Self {
-            ends: self.ends.iter().enumerate().map(changed).collect(),
-            samples: Rc::default(),
-            postures: Rc::default(),
+        let duration = duration(self.track, self.stretch, self.count);
+        let (dynamics, segment) = (&self.model.dynamics, Segment::ALL[joint + 1]);
+        Self {
             joints: joints.clone(),
+            intervals: self.intervals.with_joint(dynamics, duration, segment, turn),
             ..*self
-        };
-        prepared.posed()
+        }
     }
 
     /// The same model with air or inputs that differ in one window.
@@ -176,14 +139,14 @@ impl<'a> Simulator<'a> {
     /// The posture and the sample of an interval.
     pub(crate) fn interval(&self, k: usize) -> (&Posture<f64>, &PostureSample<f64>) {
         let place = k + self.steps.margin();
-        (&self.postures[place].0, &self.samples[place])
+        self.intervals.at(place)
     }
 
     /// The samples of the intervals before and after the given end of an interval.
     fn around(&self, end: usize) -> [&PostureSample<f64>; 2] {
         let place = end + self.steps.margin();
-        let last = self.samples.len() - 1;
-        [place.saturating_sub(1), place.min(last)].map(|place| &self.samples[place])
+        let last = self.intervals.count() - 1;
+        [place.saturating_sub(1), place.min(last)].map(|place| self.intervals.at(place).1)
     }
 
     /// The state at the start of the stretch. A sample has the posture of the middle of its interval; that of the start
@@ -209,13 +172,18 @@ impl<'a> Simulator<'a> {
         motion
     }
 
+    /// The residuals of the stretch simulated in this way.
+    pub(crate) fn residual(&self, start: &Channels, push: Option<UnknownWrench>) -> DVector<f64> {
+        self.fly(start, push).residual(self.track, self.stretch)
+    }
+
     /// Simulates the stretch from its smoothed start, changed by `start`, with an optional push in one window.
-    pub(crate) fn fly(&self, start: &Channels, push: Option<UnknownWrench>) -> Prediction {
+    fn fly(&self, start: &Channels, push: Option<UnknownWrench>) -> Prediction {
         let grid = self.stretch.grid;
         let count = self.count;
         let first = self.stretch.first;
         let begin_time = self.time(first) - self.time(0);
-        let duration = (self.time(first + grid.frames()) - self.time(first)) / count as f64;
+        let duration = duration(self.track, self.stretch, count);
         let time = |k: usize| begin_time + duration * k as f64;
         let (kept, stride) = match self.steps {
             Steps::Short => (grid.parts, 1),
@@ -371,10 +339,10 @@ fn over_stretch(k: usize, margin: usize, count: usize) -> f64 {
     2.0 * (k as f64 - margin as f64) / count as f64 - 1.0
 }
 
-/// Samples the loads and mass properties that depend only on the postures.
-fn sampled(model: &Model<f64>, postures: &[Posed]) -> Rc<[PostureSample<f64>]> {
-    let sample = |(posture, rate): &Posed| model.dynamics.sample(posture, rate);
-    postures.iter().map(sample).collect()
+/// Duration of each of `count` intervals in a stretch (s).
+fn duration(track: &RecordedFlight, stretch: &Stretch, count: usize) -> f64 {
+    let time = |frame: usize| track.samples[frame].time;
+    (time(stretch.first + stretch.grid.frames()) - time(stretch.first)) / count as f64
 }
 
 /// The motion with velocity and angular velocity changed.

@@ -15,17 +15,15 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
     let mut felt = vec![0.0; all.len()];
     let mut subject = vec![0.0; SUBJECT];
     for stretch in stretches(&track) {
-        let columns =
-            linearized(&track, &stretch, &plain, &LinearizationPoint::files(), &all).unwrap();
-        assert_eq!(
-            columns.effects.shape(),
-            (stretch.grid.residuals(), all.len())
-        );
+        let files = LinearizationPoint::files();
+        let columns = linearized(&track, &stretch, &plain, &files).unwrap();
+        let effects = effects_alone(&track, &stretch, &plain, &files, &all);
+        assert_eq!(effects.shape(), (stretch.grid.residuals(), all.len()));
         assert_eq!(
             columns.joints.each_ref().map(nalgebra::DMatrix::ncols),
             [JOINTS; 3]
         );
-        for (felt, column) in felt.iter_mut().zip(columns.effects.column_iter()) {
+        for (felt, column) in felt.iter_mut().zip(effects.column_iter()) {
             *felt += column.norm_squared();
         }
         for (felt, column) in subject.iter_mut().zip(columns.subject.column_iter()) {
@@ -72,10 +70,9 @@ fn columns_are_slopes_wherever_an_effect_stands() {
         let (model, size) = changed(&plain, &effects, id);
         let prepared = |model: &Model<f64>| {
             let flight = Simulator::new(&track, stretch, model, &JointErrors::none(), Steps::Long);
-            flight.fly(&Channels::zeros(), None)
+            flight.residual(&Channels::zeros(), None)
         };
-        let column =
-            prepared(&model).less(&prepared(&extended(&plain, &effects)), &track, stretch) / size;
+        let column = (prepared(&extended(&plain, &effects)) - prepared(&model)) / size;
         let name = id.effect.description().name;
         let apart = (&column - &central).norm();
         assert!(
@@ -102,8 +99,7 @@ fn slopes_of_a_fast_spin_do_not_depend_on_the_step() {
             let flight = Simulator::new(&track, &stretch, &plain, &none, Steps::Long);
             let mut by = Channels::zeros();
             by.fixed_rows_mut::<3>(3).fill(0.01);
-            let flown = flight.fly(&Channels::zeros(), None);
-            flight.fly(&by, None).less(&flown, &track, &stretch)
+            flight.residual(&Channels::zeros(), None) - flight.residual(&by, None)
         };
         let (found, fine) = (slopes(stretch.grid.stride), slopes(1));
         let frames = &track.samples[stretch.first..stretch.first + stretch.grid.frames()];
@@ -142,5 +138,41 @@ fn slopes_are_those_of_the_residual_where_it_is_large() {
         }
         let share = f64::sqrt(apart / norm);
         assert!(share < 0.02, "{effect:?}: {share}");
+    }
+}
+
+/// Of a simulation with another joint, another subject or an effect, only what differs is computed.
+#[test]
+fn what_is_kept_of_a_simulation_has_the_bits_of_a_new_one() {
+    let track = track(&[], 1.0);
+    let plain = plain(&track);
+    let stretch = &stretches(&track)[2];
+    let mut wrong = JointErrors::none();
+    for k in 0..JOINTS {
+        wrong.course[k % 3][k] = 0.001 * k as f64;
+        wrong.bend[k] = 0.002 * k as f64;
+    }
+    let new = |model: &Model<f64>, joints: &JointErrors| {
+        Simulator::new(&track, stretch, model, joints, Steps::Long)
+    };
+    let seen = |flight: Simulator<'_>| flight.residual(&Channels::zeros(), None);
+    let base = new(&plain, &wrong);
+    for k in 0..JOINTS {
+        let mut joints = wrong.clone();
+        joints.course[k % 3][k] += 0.02;
+        let kept = base.with_joint(&joints, k / 3);
+        assert_eq!(seen(kept), seen(new(&plain, &joints)), "joint angle {k}");
+    }
+    for k in 0..SUBJECT {
+        let mut subject = Subject::as_in_file();
+        subject.0[k] += 0.01;
+        let model = subject.possible().of(&plain);
+        let kept = base.changed_to(&model);
+        assert_eq!(seen(kept), seen(new(&model, &wrong)), "subject {k}");
+    }
+    for id in all_parameters() {
+        let (model, _) = changed(&plain, &Vec::new(), id);
+        let kept = base.changed_to(&model);
+        assert_eq!(seen(kept), seen(new(&model, &wrong)), "{id:?}");
     }
 }

@@ -131,11 +131,11 @@ fn around(
         let track = problem.track;
         let (joints, likely) = (point.joints_in(stretch), point.start_in(stretch));
         let prepared = Simulator::new(track, stretch, &base, &joints, Steps::Long);
-        let flown = prepared.fly(&likely, None);
+        let flown = prepared.residual(&likely, None);
         let mut columns = DMatrix::zeros(stretch.grid.residuals(), others.len() + 1);
         for (k, (model, size)) in others.iter().enumerate() {
-            let other = prepared.changed_to(model).fly(&likely, None);
-            columns.set_column(k, &(other.less(&flown, track, stretch) / *size));
+            let other = prepared.changed_to(model).residual(&likely, None);
+            columns.set_column(k, &((&flown - other) / *size));
         }
         let residual = residual(track, stretch, &under.plain, point);
         columns.set_column(others.len(), &residual);

@@ -86,8 +86,8 @@ impl<'a> View<'a> {
                         .columns_mut(3 * ROWS * k, columns.ncols())
                         .copy_from(columns);
                 }
-                let mut constants = part.constants.clone();
-                let mut left = &part.residual - &part.constants * &errors.constants;
+                let mut constants = DMatrix::clone(&part.constants);
+                let mut left = &part.residual - &*part.constants * &errors.constants;
                 lower.solve_lower_triangular_mut(&mut pushes);
                 lower.solve_lower_triangular_mut(&mut constants);
                 lower.solve_lower_triangular_mut(&mut left);

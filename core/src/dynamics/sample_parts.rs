@@ -1,0 +1,206 @@
+//! Posture samples that differ little from another: only what differs is computed, with the bits of a whole sample.
+//!
+//! Derivatives with respect to a joint or to a parameter of the body take hundreds of samples of almost the same body.
+
+use super::{Dynamics, PostureSample};
+use crate::aerodynamics::compiled::FormShare;
+use crate::body::mass_properties::{MovingShare, MovingSum, PostureRate, SegmentMotion};
+use crate::body::posture::{PosedSegment, Posture, pose};
+use crate::body::{Segment, SegmentArray};
+use crate::math::Real;
+
+/// What each segment adds to a posture sample.
+#[derive(Debug, Clone)]
+pub struct SampleParts<T: Real> {
+    posed: SegmentArray<PosedSegment<T>>,
+    moving: SegmentArray<SegmentMotion<T>>,
+    mass: SegmentArray<MovingShare<T>>,
+    forms: SegmentArray<FormShare<T>>,
+}
+
+/// Which parts of a sample differ between two models.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Difference {
+    /// Neither part, although the models may differ elsewhere.
+    None,
+    /// Those that depend on places, or on loads that lag: the whole sample.
+    All,
+    /// Masses or inertias, areas or coefficients, or both.
+    Parts {
+        /// Whether mass properties differ.
+        mass: bool,
+        /// Whether the loads of the air differ.
+        air: bool,
+    },
+}
+
+impl Difference {
+    /// Compares two models.
+    pub fn between<T: Real>(one: &Dynamics<T>, other: &Dynamics<T>) -> Self {
+        let lags = [one, other].map(|dynamics| dynamics.stream.lag);
+        let (mut places, mut mass, mut air) = (lags != [T::zero(); 2], false, false);
+        air |= one.aerodynamics != other.aerodynamics;
+        for (a, b) in (one.body.segments.values()).zip(other.body.segments.values()) {
+            places |= a.joint_offset != b.joint_offset || a.cg != b.cg;
+            mass |= a.mass != b.mass || a.inertia != b.inertia;
+            air |= a.area != b.area || a.moment_arm != b.moment_arm || a.length != b.length;
+        }
+        match (places, mass, air) {
+            (true, _, _) => Self::All,
+            (false, false, false) => Self::None,
+            (false, mass, air) => Self::Parts { mass, air },
+        }
+    }
+}
+
+impl<T: Real> Dynamics<T> {
+    /// Computes the parts of [`Dynamics::sample`].
+    pub fn sample_parts(&self, posture: &Posture<T>, rate: &PostureRate<T>) -> SampleParts<T> {
+        let posed = pose(&self.body, posture);
+        let mut moving = SegmentArray::from_fn(|_| SegmentMotion::none());
+        for segment in Segment::ALL {
+            if let Some(parent) = segment.parent() {
+                let of_parent = (&posed[parent], &moving[parent]);
+                moving[segment] = SegmentMotion::of(&posed[segment], of_parent, &rate.0[segment]);
+            }
+        }
+        let exposed = crate::aerodynamics::expose(&self.body, &posed, &self.aerodynamics);
+        SampleParts {
+            mass: SegmentArray::from_fn(|segment| {
+                let parameters = &self.body.segments[segment];
+                MovingShare::of(parameters, &posed[segment], &moving[segment])
+            }),
+            forms: exposed.map(|_, exposed| FormShare::of(exposed)),
+            posed,
+            moving,
+        }
+    }
+
+    /// Changes `sample`, of which these are the `parts`, to that of a posture and a rate that differ in the joint of one
+    /// segment.
+    pub fn resample_joint(
+        &self,
+        parts: &SampleParts<T>,
+        joint: Segment,
+        (posture, rate): (&Posture<T>, &PostureRate<T>),
+        sample: &mut PostureSample<T>,
+    ) {
+        if self.stream.lag != T::zero() {
+            return self.sample_into(posture, rate, sample);
+        }
+        let (mut posed, mut moving) = (parts.posed, parts.moving);
+        let mut moved = SegmentArray::from_fn(|_| false);
+        let mut sum = MovingSum::none();
+        for segment in Segment::ALL {
+            let parent = segment.parent();
+            moved[segment] = segment == joint || parent.is_some_and(|parent| moved[parent]);
+            if !moved[segment] {
+                sum.add(&parts.mass[segment]);
+                continue;
+            }
+            let parameters = &self.body.segments[segment];
+            let turn = posture.parent_from_segment(segment);
+            posed[segment] = PosedSegment::of(parameters, parent.map(|p| &posed[p]), turn);
+            if let Some(parent) = parent {
+                let of_parent = (&posed[parent], &moving[parent]);
+                moving[segment] = SegmentMotion::of(&posed[segment], of_parent, &rate.0[segment]);
+            }
+            let share = MovingShare::of(parameters, &posed[segment], &moving[segment]);
+            sum.add(&share);
+        }
+        sample.set_mass(sum.done());
+        let placed = (&self.body, &posed);
+        let air = &mut sample.aerodynamics;
+        air.expose_moved(placed, &self.aerodynamics, &moved, &parts.forms);
+    }
+
+    /// Changes `sample`, of which these are the `parts`, from that of another model to that of this one, given the
+    /// `difference` between the two.
+    pub fn resample(
+        &self,
+        parts: &SampleParts<T>,
+        difference: Difference,
+        (posture, rate): (&Posture<T>, &PostureRate<T>),
+        sample: &mut PostureSample<T>,
+    ) {
+        let Difference::Parts { mass, air } = difference else {
+            if difference == Difference::All {
+                self.sample_into(posture, rate, sample);
+            }
+            return;
+        };
+        if mass {
+            let mut sum = MovingSum::none();
+            for (segment, parameters) in self.body.segments.iter() {
+                let (placed, motion) = (&parts.posed[segment], &parts.moving[segment]);
+                sum.add(&MovingShare::of(parameters, placed, motion));
+            }
+            sample.set_mass(sum.done());
+        }
+        if air {
+            let aerodynamics = &mut sample.aerodynamics;
+            aerodynamics.expose(&self.body, &parts.posed, &self.aerodynamics);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::aerodynamics::load_model::LoadModel;
+    use crate::effect::{Effect, Model};
+    use crate::test_body::{any_posture, reference_body};
+    use proptest::prelude::*;
+
+    fn models() -> [Dynamics<f64>; 3] {
+        let paper = Dynamics::paper(reference_body(), 1.0);
+        let (mut free_fly, mut late) = (paper, paper);
+        free_fly.aerodynamics.model = LoadModel::FreeFly;
+        late.stream.lag = 0.02;
+        [paper, free_fly, late]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(16))]
+        #[test]
+        fn a_sample_with_another_joint_is_a_whole_sample(
+            a in any_posture(),
+            b in any_posture(),
+            other in any_posture(),
+        ) {
+            for dynamics in models() {
+                let rate = PostureRate::between(&a, &b, 1.0);
+                let (parts, before) = (dynamics.sample_parts(&a, &rate), dynamics.sample(&a, &rate));
+                for joint in Segment::ALL {
+                    let turn = other.parent_from_segment(joint);
+                    let (posture, mut rate) = (a.with(joint, *turn), rate);
+                    rate.set_between(joint, turn, b.parent_from_segment(joint), 0.5);
+                    let mut sample = before;
+                    dynamics.resample_joint(&parts, joint, (&posture, &rate), &mut sample);
+                    prop_assert_eq!(sample, dynamics.sample(&posture, &rate), "{:?}", joint);
+                }
+            }
+        }
+
+        #[test]
+        fn a_sample_of_another_model_is_a_whole_sample(a in any_posture(), b in any_posture()) {
+            for dynamics in models() {
+                let rate = PostureRate::between(&a, &b, 1.0);
+                let (parts, before) = (dynamics.sample_parts(&a, &rate), dynamics.sample(&a, &rate));
+                for effect in Effect::ALL {
+                    let mut values = effect.neutral();
+                    for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
+                        *value = 0.5 * (*value + parameter.high);
+                    }
+                    let mut model = Model::new(dynamics, 0.0);
+                    effect.apply(&values, &mut model).expect("within its range");
+                    let other = model.dynamics;
+                    let mut sample = before;
+                    let difference = Difference::between(&dynamics, &other);
+                    other.resample(&parts, difference, (&a, &rate), &mut sample);
+                    prop_assert_eq!(sample, other.sample(&a, &rate), "{:?}", effect);
+                }
+            }
+        }
+    }
+}
