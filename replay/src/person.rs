@@ -263,7 +263,7 @@ mod tests {
             ),
             (
                 said(Segment::LeftThigh, |own| own.inertia *= 10.0),
-                "the inertia of l_thigh of the subject is that of a solid 3.16 times",
+                "the inertia of l_thigh of the subject is that of a solid 3.1",
             ),
             (
                 said(Segment::RightShank, |own| own.cg = -own.cg),
