@@ -219,6 +219,60 @@ fn persons_that_are_none_are_doubted() {
     }
 }
 
+/// Segment tables of persons that are none, or of others than the subject.
+#[test]
+fn segment_tables_of_nobody_are_doubted_or_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    recorded(folder.path());
+    let good = folder.path().join("good");
+    let at = |name: &str| good.join(name).to_str().expect("plain").to_owned();
+    let subject = "height_m = 1.75\nmass_kg = 75\nsex = \"male\"\nsegments = \"segments.json\"\n";
+    fs::write(at("subject.toml"), subject).expect("written");
+    for (row, code, sentence) in [
+        (
+            r#""name": "l_forearm", "mass": 4"#,
+            5,
+            "l_forearm of the subject weighs 4.00 kg",
+        ),
+        (
+            r#""name": "head", "mass": 1"#,
+            5,
+            "head of the subject weighs 1.00 kg",
+        ),
+        (
+            r#""name": "r_thigh", "inertia": [[2, 0, 0], [0, 2, 0], [0, 0, 2]]"#,
+            5,
+            "is it in kg m2",
+        ),
+        (
+            r#""name": "l_shank", "cg": [0, 0, 0.2]"#,
+            5,
+            "from its proximal joint",
+        ),
+        (
+            r#""name": "l_thigh", "joint_offset": [-0.1, 0, 0]"#,
+            5,
+            "the left hip of the subject is right of the right one",
+        ),
+        (r#""name": "thorax", "mass": 50"#, 2, "correct one of them"),
+    ] {
+        fs::write(
+            at("segments.json"),
+            format!(r#"{{"segments": [{{{row}}}]}}"#),
+        )
+        .expect("written");
+        let arguments = [
+            "inspect",
+            &at("flight.mvnx"),
+            "--subject",
+            &at("subject.toml"),
+        ];
+        let (said, ended) = bodyflight(&arguments);
+        assert_eq!(ended, Some(code), "{row}: {said}");
+        assert!(said.contains(sentence), "{row}: {said}");
+    }
+}
+
 #[test]
 fn a_live_stream_is_checked_as_a_recording_is() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -299,6 +353,7 @@ fn fall_is_not_silent_about_any_kind_of_nonsense() {
         };
         fs::write(&path, tracks::text(kind)).expect("written");
         let (said, ended) = bodyflight(&["fall", path.to_str().expect("plain")]);
+        assert!(!said.contains("NaN"), "{name}: {said}");
         if ended != code.parse().ok() || !said.contains(sentence) {
             wrong.push(format!("{name}: ends with {ended:?}: {said}"));
         }

@@ -14,6 +14,7 @@ mod frozen;
 mod gravity;
 mod horizontal;
 mod late;
+mod level;
 mod step;
 mod vertical;
 
@@ -86,6 +87,7 @@ pub fn checked(samples: &[Sample], given: Given) -> Checked {
         motion.is_doubted = !gravity::checked(&mut samples, &mut findings);
     } else {
         let is_timed = clock::checked(&mut samples, Some(given.places), &mut findings);
+        frozen::heights(&mut samples, &mut findings);
         motion.has_horizontal = horizontal::checked(&mut samples, given.places, &mut findings);
         let vertical = vertical::checked(&mut samples, &mut findings);
         let is_possible = gravity::checked(&mut samples, &mut findings);
@@ -95,6 +97,7 @@ pub fn checked(samples: &[Sample], given: Given) -> Checked {
         motion.moved = moved;
         motion.is_doubted |= !is_one_track;
     }
+    motion.is_doubted |= !level::checked(&samples, &mut findings);
     if is_derived {
         motion.averaged = derived::averaged(&samples);
     }

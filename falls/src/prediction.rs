@@ -75,7 +75,8 @@ pub struct Forecast {
 
 impl Forecast {
     /// Predicts the fall rate of `after`, of which only times and the first `velocity` (m/s) are used, from the last of
-    /// the `pieces` before it. Pieces before `steady` (s) do not count as postures. `None` without pieces or samples.
+    /// the `pieces` before it. Pieces before `steady` (s) do not count as postures. `None` without pieces or samples, or if
+    /// the motion by these pieces grows without limit, as that of an engine's thrust taken for drag.
     pub fn made(
         pieces: &[Piece],
         wind: &Profile,
@@ -114,10 +115,11 @@ impl Forecast {
         let often = (changes as f64 + 0.5) / f64::max(time, 1.0);
         let kept_chance = (-often * (until - from)).exp();
         let unseen = (1.0 - kept_chance) * unseen(&made_with);
-        Some(Self {
+        let deviation = rate.abs() * (postures + unseen + own + BREATH * BREATH).sqrt();
+        (rate.is_finite() && deviation.is_finite()).then(|| Self {
             from,
             rate,
-            deviation: rate.abs() * (postures + unseen + own + BREATH * BREATH).sqrt(),
+            deviation,
             measured: mean(after.iter().map(|sample| -sample.velocity.z).sum()),
             made_with,
             changes,

@@ -1,5 +1,6 @@
 //! Whether the person of a flight can be the one in its recording: the lengths of the limbs are in both.
 
+use bodyflight_core::body::anthropometry::{Person, Sex};
 use bodyflight_core::{Body, Segment};
 use bodyflight_mvnx::Header;
 use bodyflight_mvnx::recording::Warning;
@@ -97,8 +98,80 @@ const INDICES: core::ops::Range<f64> = 14.0..48.0;
 /// Ratio of stature and thigh.
 const STATURE: f64 = 4.21;
 
-/// Why nobody has the mass of a body with its equipment, judged by its limbs.
+/// Ratio to that of the mean person of the same stature and mass which the mass of a limb, and the radius of gyration of any
+/// segment, have in nobody, equipment included.
+const RATIOS: core::ops::Range<f64> = 0.4..2.5;
+/// Ratio of the masses of a limb's segment on either side that is no asymmetry of a person.
+const SIDES_APART: f64 = 1.5;
+/// Distance of a centre of gravity from that of the mean person, in lengths of the segment.
+const CG_APART: f64 = 0.5;
+/// Segments of the trunk, between which tables divide its mass in different ways.
+const TRUNK: [Segment; 3] = [Segment::Pelvis, Segment::Abdomen, Segment::Thorax];
+/// Joints that are on the left side of their counterparts.
+const LEFT: [(Segment, &str); 2] = [
+    (Segment::LeftThigh, "hip"),
+    (Segment::LeftUpperArm, "shoulder"),
+];
+
+/// Why nobody is built like a body with its equipment: masses, inertias, centres of gravity or sides of its segments.
 pub fn unlikely(body: &Body<f64>) -> Option<String> {
+    unlikely_mass(body).or_else(|| unlikely_segment(body))
+}
+
+fn unlikely_segment(body: &Body<f64>) -> Option<String> {
+    let mean = Person::new(body.height, body.mass(), Sex::Male)
+        .body()
+        .ok()?;
+    let crossed = LEFT.into_iter().find(|(left, _)| {
+        let [left, right] = [*left, left.mirrored()].map(|own| body.segments[own].joint_offset.x);
+        left <= right
+    });
+    if let Some((_, joint)) = crossed {
+        return Some(format!(
+            "the left {joint} of the subject is right of the right one: the sides of its segments are exchanged"
+        ));
+    }
+    let limbs = || Segment::ALL.into_iter().filter(|own| !TRUNK.contains(own));
+    let mass = |own: Segment| body.segments[own].mass;
+    let odd_mass = limbs().find_map(|own| {
+        let (here, usual) = (mass(own), mean.segments[own].mass);
+        let other = mass(own.mirrored());
+        let is_usual = RATIOS.contains(&(here / usual)) && here / other < SIDES_APART;
+        (!is_usual).then(|| {
+            format!(
+                "{} of the subject weighs {here:.2} kg, its counterpart {other:.2} kg; the mean person's {usual:.2} kg: one of them is wrong",
+                own.name()
+            )
+        })
+    });
+    odd_mass.or_else(|| limbs().find_map(|own| unlikely_solid(body, &mean, own)))
+}
+
+/// A segment whose mass is distributed as in nobody.
+fn unlikely_solid(body: &Body<f64>, mean: &Body<f64>, own: Segment) -> Option<String> {
+    let name = own.name();
+    let gyration = |of: &Body<f64>| {
+        let segment = &of.segments[own];
+        (segment.inertia.trace() / segment.mass).sqrt()
+    };
+    let (here, usual) = (gyration(body), gyration(mean));
+    if !RATIOS.contains(&(here / usual)) {
+        return Some(format!(
+            "the inertia of {name} of the subject is that of a solid {:.2} times as large as the mean person's: is it in kg m2, about the centre of gravity?",
+            here / usual
+        ));
+    }
+    let (segment, usual) = (&body.segments[own], &mean.segments[own]);
+    let apart = (segment.cg - usual.cg).norm();
+    (apart > CG_APART * segment.length.max(usual.length)).then(|| {
+        format!(
+            "the centre of gravity of {name} of the subject is {apart:.2} m from the mean person's: is it in axes of the segment, from its proximal joint?"
+        )
+    })
+}
+
+/// Why nobody has the mass of a body, judged by its limbs.
+fn unlikely_mass(body: &Body<f64>) -> Option<String> {
     let stature = STATURE * body.segments[Segment::LeftThigh].length;
     let index = body.mass() / (stature * stature);
     (!INDICES.contains(&index)).then(|| {
@@ -168,6 +241,41 @@ mod tests {
             }
         }
         header
+    }
+
+    #[test]
+    fn a_segment_that_nobody_has_is_named() {
+        let body = Subject::default().body();
+        assert_eq!(unlikely(&body), None);
+        let said = |own: Segment, change: fn(&mut bodyflight_core::SegmentParameters<f64>)| {
+            let mut wrong = body;
+            change(&mut wrong.segments[own]);
+            unlikely(&wrong).unwrap_or_default()
+        };
+        for (said, words) in [
+            (
+                said(Segment::LeftUpperArm, |own| own.mass = 20.0),
+                "l_upperarm of the subject weighs 20.00 kg, its counterpart 2.",
+            ),
+            (
+                said(Segment::RightForearm, |own| own.mass *= 1.6),
+                "r_forearm of the subject weighs",
+            ),
+            (
+                said(Segment::LeftThigh, |own| own.inertia *= 10.0),
+                "the inertia of l_thigh of the subject is that of a solid 3.1",
+            ),
+            (
+                said(Segment::RightShank, |own| own.cg = -own.cg),
+                "the centre of gravity of r_shank",
+            ),
+            (
+                said(Segment::LeftThigh, |own| own.joint_offset.x *= -1.1),
+                "the left hip of the subject is right of the right one",
+            ),
+        ] {
+            assert!(said.contains(words), "{words}: {said}");
+        }
     }
 
     #[test]

@@ -332,7 +332,9 @@ impl SubjectFile {
             message: error.to_string(),
         })?;
         if let Some(table) = table {
-            table.apply(&mut body);
+            table
+                .apply(&mut body)
+                .map_err(|(field, message)| Fault { field, message })?;
         }
         Ok(body)
     }

@@ -4,6 +4,11 @@ use bodyflight_core::air::STANDARD_GRAVITY;
 use bodyflight_mvnx::recording::{FlightFrame, Warning};
 use nalgebra::Vector3;
 
+/// Airspeed (m/s) that nobody reaches with the front or the back to the wind, up to 10 km, the cosine of the angle between
+/// the two from which on it is so, and the share of the time above which it is no moment of a dive.
+const BROAD: f64 = 90.0;
+const BROAD_COSINE: f64 = 0.8;
+const BROAD_SHARE: f64 = 0.2;
 /// Length of the pieces that are judged (s).
 const PIECE: f64 = 0.5;
 /// Acceleration by something else than gravity, over the square of the airspeed (1/m), that a body's own drag does not
@@ -78,6 +83,11 @@ pub struct Support {
     last_fast: f64,
     slowed: f64,
     squares: f64,
+    /// Time in which it meets the wind broadside faster than anybody, when, and the largest speed (m/s).
+    broad: f64,
+    first_broad: Option<(u64, f64)>,
+    last_broad: f64,
+    broad_speed: f64,
     /// Pieces in which it falls faster than gravity lets it, and the first: index, time (s) and acceleration (m/s2).
     pulled: u32,
     first_pulled: Option<(u64, f64, f64)>,
@@ -133,6 +143,14 @@ impl Support {
             self.slowed -= pushed.dot(&flow) / flow.norm();
             self.squares += flow.norm_squared();
         }
+        let dorsal = frame.pelvis.inertial_from_body.quaternion() * Vector3::y();
+        let is_broad = dorsal.dot(&flow).abs() > BROAD_COSINE * flow.norm();
+        if is_broad && flow.norm() > BROAD && falls_with < FALLS * STANDARD_GRAVITY {
+            self.broad += duration;
+            self.first_broad.get_or_insert((frame.index, begin));
+            self.last_broad = frame.time;
+            self.broad_speed = self.broad_speed.max(flow.norm());
+        }
         let is_level = -flow.z < SINKS * flow.norm();
         if falls_with < FALLS * STANDARD_GRAVITY && (is_held || is_level) {
             self.carried += duration;
@@ -147,8 +165,29 @@ impl Support {
 
     /// Contradictions if the recording is not that of a fall.
     pub fn warnings(&self) -> Vec<Warning> {
-        let all = [self.carries(), self.pulls(), self.falls_freely()];
+        let all = [
+            self.carries(),
+            self.pulls(),
+            self.falls_freely(),
+            self.falls_broadside(),
+        ];
         all.into_iter().flatten().collect()
+    }
+
+    fn falls_broadside(&self) -> Option<Warning> {
+        let (frame, begin) = self
+            .first_broad
+            .filter(|_| self.broad >= LEAST && self.broad > BROAD_SHARE * self.judged)?;
+        Some(Warning {
+            frame,
+            message: format!(
+                "for {:.1} s the body falls with its front or back to the wind at up to {:.0} m/s, where nobody is faster than {BROAD} m/s: the frame rate or the unit of the positions is wrong",
+                self.broad, self.broad_speed
+            ),
+            segment: None,
+            span_s: Some([begin, self.last_broad]),
+            is_fault: true,
+        })
     }
 
     fn falls_freely(&self) -> Option<Warning> {

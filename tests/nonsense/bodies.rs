@@ -53,7 +53,7 @@ fn sinks(index: usize, frame: &mut Frame, speed: f64) {
     frame.velocity.iter_mut().for_each(|v| v.z -= speed);
 }
 
-pub(super) const BODIES: [Kind; 28] = [
+pub(super) const BODIES: [Kind; 29] = [
     frames("signs of quaternions at random", |index, _, f| {
         for (segment, q) in f.orientation.iter_mut().enumerate() {
             if noise(index, segment) > 0.0 {
@@ -116,6 +116,17 @@ pub(super) const BODIES: [Kind; 28] = [
     frames("mirrored, joints closed", |index, all, f| {
         closed(index, all, f, |q| {
             q.iter_mut().for_each(|q| *q = [q[0], -q[1], q[2], -q[3]]);
+        });
+    }),
+    frames("joint angles in radians, joints closed", |index, all, f| {
+        let sound = &all[index].orientation;
+        closed(index, all, f, |q| {
+            for (segment, parent) in PARENTS.into_iter().enumerate().skip(1) {
+                let bent = rotation(sound[parent]).inverse() * rotation(sound[segment]);
+                let read =
+                    UnitQuaternion::from_scaled_axis(bent.scaled_axis().map(f64::to_radians));
+                q[segment] = numbers(rotation(q[parent]) * read);
+            }
         });
     }),
     frames("no attitudes, joints closed", |index, all, f| {

@@ -86,7 +86,7 @@ fn stiff(frame: &mut Frame, all: &[Frame], from: usize) {
     frame.orientation[RIGHT_FOREARM] = numbers(&turned);
 }
 
-pub(super) const MIXED: [Kind; 36] = [
+pub(super) const MIXED: [Kind; 41] = [
     frames("one forearm turned as the other", |_, _, f| {
         f.orientation.swap(RIGHT_FOREARM, LEFT_FOREARM);
     }),
@@ -176,6 +176,9 @@ pub(super) const MIXED: [Kind; 36] = [
         path(all, f, |v| Vector3::new(v.x, v.y, -v.z));
     }),
     frames("path in feet", |_, all, f| path(all, f, |v| 3.280_84 * v)),
+    frames("path of twice the speed", |_, all, f| {
+        path(all, f, |v| 2.0 * v)
+    }),
     frames("path in millimetres", |_, all, f| {
         path(all, f, |v| 1000.0 * v)
     }),
@@ -202,6 +205,21 @@ pub(super) const MIXED: [Kind; 36] = [
     }),
     frames("rates 0.3 s late", |index, all, f| {
         f.rate.clone_from(&before(index, all).rate);
+    }),
+    frames("rates of the other sense about west", |_, _, f| {
+        f.rate.iter_mut().for_each(|v| v.y = -v.y);
+    }),
+    frames(
+        "clock 3 % fast from 4 s, by the velocities",
+        |index, _, f| {
+            if index >= 960 {
+                scale(&mut f.velocity, 1.0 / 1.03);
+            }
+        },
+    ),
+    frames("frame times that stand", |_, _, f| timed(f, |_| 0.0)),
+    frames("accelerations of 10^5 m/s2", |_, _, f| {
+        f.acceleration.fill(Vector3::repeat(1e5));
     }),
     frames("rates of an arm empty", |_, _, f| {
         scale(&mut f.rate[LEFT_ARM], 0.0)

@@ -54,7 +54,7 @@ fn during(rows: &[Row], heights: core::ops::Range<f64>) -> core::ops::Range<usiz
     first.unwrap_or(0)..last.map_or(0, |last| last + 1)
 }
 
-pub(super) const KINDS: [Kind; 25] = [
+pub(super) const KINDS: [Kind; 28] = [
     kind("nothing", |rows| rows),
     kind("heights in feet", |rows| {
         each(rows, |_, row| row.height /= 0.3048)
@@ -118,6 +118,13 @@ pub(super) const KINDS: [Kind; 25] = [
     kind("every row twice", |rows| {
         rows.into_iter().flat_map(|row| [row, row]).collect()
     }),
+    kind("heights counted from the exit", |rows| {
+        each(rows, |_, row| row.height -= EXIT)
+    }),
+    kind("heights frozen from the opening on", |rows| {
+        let kept = rows[during(&rows, OPENING - 300.0..OPENING).end].height;
+        each(rows, |_, row| row.height = row.height.max(kept))
+    }),
     kind("10 000 km above the ground", |rows| {
         each(rows, |_, row| row.height += 1e7)
     }),
@@ -156,6 +163,19 @@ pub(super) const KINDS: [Kind; 25] = [
                 latitude,
                 height,
                 velocity: [60.0, 0.0, 8.0],
+                ..first
+            };
+        })
+    }),
+    kind("an aircraft that flies loops", |rows| {
+        let [first, ..] = rows[..] else { return rows };
+        each(rows, |_, row| {
+            let turned = 0.22 * row.time;
+            *row = Row {
+                time: row.time,
+                latitude: first.latitude + 50.0 * row.time / 111_000.0,
+                height: 1500.0 + 200.0 * turned.sin(),
+                velocity: [50.0, 0.0, -44.0 * turned.cos()],
                 ..first
             };
         })

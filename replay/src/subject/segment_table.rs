@@ -11,6 +11,11 @@ use bodyflight_io::diagnostic::choices::choices;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::input;
 
+/// Largest difference (logarithm of the ratio) between a table and the measurements of the person, whose equipment a table
+/// may describe in more detail.
+const MASS_APART: f64 = 0.15;
+const HEIGHT_APART: f64 = 0.05;
+
 /// A table read from a file: any segments, with any of their values.
 #[derive(Debug, Clone)]
 pub(super) struct SegmentTable {
@@ -92,8 +97,34 @@ impl SegmentTable {
         &self.text
     }
 
-    /// Replaces the values that the table lists.
-    pub(super) fn apply(&self, body: &mut Body<f64>) {
+    /// Replaces the values that the table lists. If they make another person than the measurements of the subject, it
+    /// returns the measurement and what differs.
+    pub(super) fn apply(&self, body: &mut Body<f64>) -> core::result::Result<(), (String, String)> {
+        let measured = *body;
+        self.replace(body);
+        let apart = |a: f64, b: f64| (a / b).ln().abs();
+        let [expected, found] = [measured.mass(), body.mass()];
+        if apart(expected, found) > MASS_APART {
+            return Err((
+                "mass_kg".to_owned(),
+                format!(
+                    "the segments of the table weigh {found:.1} kg together, the person with equipment {expected:.1} kg; correct one of them"
+                ),
+            ));
+        }
+        let [expected, found] = [measured.height, body.height];
+        if apart(expected, found) > HEIGHT_APART {
+            return Err((
+                "height_m".to_owned(),
+                format!(
+                    "the table is of a person of {found:.3} m, the subject has {expected:.3} m; correct one of them"
+                ),
+            ));
+        }
+        Ok(())
+    }
+
+    fn replace(&self, body: &mut Body<f64>) {
         if let Some(height) = self.height {
             body.height = height;
         }
@@ -162,6 +193,28 @@ mod tests {
     use super::*;
     use crate::subject::Subject;
 
+    #[test]
+    fn a_table_of_another_person_is_refused() {
+        let person = |table: &str| {
+            let subject =
+                "height_m = 1.75\nmass_kg = 75\nsex = \"male\"\nsegments = \"segments.json\"";
+            Subject::parse_with_table(subject, table, Path::new("subject.toml"))
+        };
+        let heavy = r#"{"segments": [{"name": "thorax", "mass": 40.0}]}"#;
+        let tall = r#"{"height": 1.9, "segments": []}"#;
+        for (table, field, words) in [
+            (heavy, "mass_kg", "weigh 10"),
+            (tall, "height_m", "of a person of 1.900 m"),
+        ] {
+            let problem = person(table).expect_err(field).to_string();
+            assert!(
+                problem.contains(field) && problem.contains(words),
+                "{problem}"
+            );
+        }
+        assert!(person(r#"{"height": 1.76, "segments": []}"#).is_ok());
+    }
+
     fn parse(rows: &str) -> Result<SegmentTable> {
         SegmentTable::parse(
             format!("{{\"segments\": [{rows}]}}"),
@@ -175,7 +228,8 @@ mod tests {
         let mut after = before;
         parse("{\"name\": \"head\", \"mass\": 7.5, \"area\": [0.05, 0.04, 0.03]}")
             .unwrap()
-            .apply(&mut after);
+            .apply(&mut after)
+            .unwrap();
         let (old, new) = (
             &before.segments[Segment::Head],
             &after.segments[Segment::Head],

@@ -10,6 +10,8 @@ const LEAST: u32 = 8;
 /// Correlation above which the two are the same but for a factor, and the factor's distance from one.
 const SAME: f64 = 0.8;
 const APART: f64 = 0.4;
+/// Change of velocity (m/s2, root mean square) that a body shows which is not at rest.
+const MOVES: f64 = 0.3;
 /// Root mean square (m/s2) that no body in flight has.
 const IMPOSSIBLE: f64 = 500.0;
 /// Share of gravity by which a mean difference along the vertical may differ from it.
@@ -97,11 +99,11 @@ impl Accelerations {
         let product = self.product / count - by_velocity.dot(&by_acceleration);
         let correlation = product / (expected * found).sqrt().max(f64::MIN_POSITIVE);
         let scale = product / expected.max(f64::MIN_POSITIVE);
-        let what = if found > IMPOSSIBLE * IMPOSSIBLE {
-            format!(
-                "are {:.0} m/s2 on average: they seem to be in mm/s2",
-                found.sqrt()
-            )
+        let size = (self.squares[1] / count).sqrt();
+        let what = if size == 0.0 && expected > MOVES * MOVES {
+            return Some(remark("are all zero though the velocity changes"));
+        } else if size > IMPOSSIBLE {
+            format!("are {size:.0} m/s2 on average: they seem to be in mm/s2")
         } else if (offset.z.abs() / GRAVITY - 1.0).abs() < NEAR {
             format!(
                 "differ by {:+.1} m/s2 along the vertical: they contain gravity",

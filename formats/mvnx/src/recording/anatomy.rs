@@ -113,6 +113,22 @@ fn as_recorded(
 /// attitude of its mirror image, so both sides may have it.
 const SIDEWAYS: f64 = 0.02;
 
+/// Radians that are read as degrees: no leg is bent, by this angle (rad), and no joint moves by more than that one (rad) from
+/// where it began, though some move, in this number of frames at least.
+const STRETCHED: f64 = 0.3;
+const STIRS: f64 = 0.1;
+const LEAST_STRETCHED: u64 = 100;
+const LEGS: [Segment; 2] = [Segment::LeftThigh, Segment::LeftShank];
+
+fn is_stretched(posture: &Posture<f64>, first: &Posture<f64>) -> bool {
+    let bends = |own: Segment| posture.parent_from_segment(own).angle() > STRETCHED;
+    let stirs = |own: &Segment| {
+        let began = first.parent_from_segment(*own);
+        posture.parent_from_segment(*own).angle_to(began) > STIRS
+    };
+    !LEGS.into_iter().any(|left| either(left, bends)) && !Segment::ALL.iter().any(stirs)
+}
+
 /// What has been seen of the postures.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Anatomy {
@@ -122,6 +138,10 @@ pub(super) struct Anatomy {
     /// Frames in which a segment moves and has another attitude than its mirror image.
     moving: [u64; LEFT.len()],
     copied: [u64; LEFT.len()],
+    /// The first posture, frames in which no leg is bent and no joint far from there, and those in which a segment moves.
+    first: Option<Posture<f64>>,
+    stretched: u64,
+    moved: u64,
 }
 
 impl Anatomy {
@@ -135,6 +155,8 @@ impl Anatomy {
         for (count, (_, _, is_wrong)) in self.wrong.iter_mut().zip(CHECKS) {
             *count += u64::from(is_wrong(posture));
         }
+        let first = self.first.get_or_insert(*posture);
+        self.stretched += u64::from(is_stretched(posture, first));
         let last = self.last.replace(*turned);
         let differs = |a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>| {
             (a.coords - b.coords)
@@ -142,6 +164,10 @@ impl Anatomy {
                 .min((a.coords + b.coords).amax())
                 > SAME
         };
+        self.moved += u64::from(last.as_ref().is_some_and(|last| {
+            let pairs = last.values().zip(turned.values());
+            pairs.into_iter().any(|(last, here)| differs(last, here))
+        }));
         for (place, left) in LEFT.into_iter().enumerate() {
             // Two segments at rest may well be parallel.
             let moves = (last.as_ref()).is_some_and(|last| differs(&last[left], &turned[left]));
@@ -153,8 +179,8 @@ impl Anatomy {
         }
     }
 
-    /// What most of the recording shows, which ends with this frame at this time (s).
-    pub(super) fn warnings(&self, last: (u64, f64)) -> Vec<Warning> {
+    /// What most of the recording shows, which ends with this frame at this time (s). Who `travels` does not stand still.
+    pub(super) fn warnings(&self, last: (u64, f64), travels: bool) -> Vec<Warning> {
         let is_most = |count: u64, of: u64| {
             #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
             let share = count as f64 / of.max(1) as f64;
@@ -184,7 +210,17 @@ impl Anatomy {
             );
             fault(left, message)
         });
-        wrong.chain(copied).collect()
+        let is_stretched =
+            travels && self.moved >= LEAST_STRETCHED && self.stretched == self.frames;
+        let stretched = is_stretched.then(|| {
+            let message = format!(
+                "the legs are stretched and no joint moves by more than {:.0} degrees in all {} frames: are the angles radians that were read as degrees?",
+                STIRS.to_degrees(),
+                self.frames
+            );
+            Warning::fault(last.0, [0.0, last.1], message)
+        });
+        wrong.chain(copied).chain(stretched).collect()
     }
 }
 
@@ -208,7 +244,7 @@ mod tests {
             let posture = if index < share { change(moved) } else { moved };
             seen.see(&posture, &posture.body_from_segments());
         }
-        seen.warnings((99, 0.99))
+        seen.warnings((99, 0.99), true)
             .into_iter()
             .map(|warning| warning.message)
             .collect()

@@ -108,6 +108,17 @@ impl Clock {
         Some((frame, both + why, is_wrong))
     }
 
+    /// Frame times that are all the same, and the last frame.
+    pub(super) fn stands(&self) -> Option<(u64, String)> {
+        let [(first, from), (last, to)] = self.written?;
+        let stands =
+            last >= first + LEAST_FRAMES && (to - from).abs() < f64::EPSILON && self.backwards == 0;
+        stands.then(|| {
+            let message = "the frame times do not advance; the frame rate of the header is used";
+            (last, message.to_owned())
+        })
+    }
+
     /// Frame times that run backwards, and the frame that shows it.
     pub(super) fn backwards(&self) -> Option<(u64, String)> {
         let (index, time) = self.first_backwards?;

@@ -48,6 +48,11 @@ const PIECE: f64 = 1.0;
 const PARTED: f64 = 2.0;
 const PARTED_SHARE: f64 = 0.05;
 
+/// Path (m) over which the scale is judged again, since a clock may be wrong for a part of a recording, and the largest
+/// relative difference over it.
+const LEG: f64 = 100.0;
+const LEG_APART: f64 = 0.02;
+
 /// Displacement since a time (s): by positions, by velocities, and the longer of both paths (m).
 #[derive(Debug, Clone, Copy, Default)]
 struct Piece {
@@ -79,6 +84,21 @@ struct Parted {
     apart: f64,
 }
 
+/// A leg of the path: when it began (s), its length by positions (m), and how well the velocities agree.
+#[derive(Debug, Clone, Copy)]
+struct Leg {
+    begin: f64,
+    length: f64,
+    ways: Agreement,
+}
+
+/// Legs in which the velocities have another scale: from, to (s), and the scale that is furthest off.
+#[derive(Debug, Clone, Copy)]
+struct Scaled {
+    span: [f64; 2],
+    scale: f64,
+}
+
 /// What has been seen of the path.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Paths {
@@ -107,6 +127,8 @@ pub(super) struct Paths {
     piece: Option<Piece>,
     parted: Option<Parted>,
     pieces_parted: u64,
+    leg: Option<Leg>,
+    scaled: Option<Scaled>,
     last: f64,
     /// Largest speed over such a time, as slow as positions and velocities allow (m/s).
     fastest: f64,
@@ -151,7 +173,9 @@ impl Paths {
             self.ways.add(&stretch.moved, &stretch.by_velocities);
             self.lengths[0] += stretch.moved.norm();
             self.lengths[1] += stretch.by_velocities.norm();
+            let stretch = *stretch;
             self.stretch = None;
+            self.add_to_leg(time, &stretch);
         }
         let piece = self.piece.get_or_insert_with(|| Piece::from(begin));
         piece.add(moved, &by_velocity);
@@ -170,9 +194,42 @@ impl Paths {
         }
     }
 
+    /// Adds a stretch that ends at this time (s) to the present leg.
+    fn add_to_leg(&mut self, time: f64, stretch: &Piece) {
+        let leg = self.leg.get_or_insert(Leg {
+            begin: stretch.begin,
+            length: 0.0,
+            ways: Agreement::default(),
+        });
+        leg.length += stretch.moved.norm();
+        leg.ways.add(&stretch.moved, &stretch.by_velocities);
+        if leg.length < LEG {
+            return;
+        }
+        let Leg { begin, ways, .. } = *leg;
+        self.leg = None;
+        let off = |scale: f64| (scale - 1.0).abs();
+        if ways.correlation() < EVEN || off(ways.scale()) < LEG_APART {
+            return;
+        }
+        let scaled = self.scaled.get_or_insert(Scaled {
+            span: [begin, time],
+            scale: 1.0,
+        });
+        scaled.span[1] = time;
+        if off(ways.scale()) > off(scaled.scale) {
+            scaled.scale = ways.scale();
+        }
+    }
+
     /// Velocities come from another sensor than positions: slow errors of either are no contradiction.
     pub(super) fn compare_coarsely(&mut self) {
         self.is_coarse = true;
+    }
+
+    /// Whether the body travels further than one that stands.
+    pub(super) fn is_far(&self) -> bool {
+        self.lengths[0] > FAR
     }
 
     /// Whether velocities come from another sensor than positions.
@@ -184,6 +241,7 @@ impl Paths {
     pub(super) fn interrupt(&mut self) {
         self.stretch = None;
         self.piece = None;
+        self.leg = None;
     }
 
     /// Mean upward speed (m/s) of a body that rises faster than anything in a fall, if the recording lasts so long (s).
@@ -302,6 +360,13 @@ impl Paths {
         let Some(Parted { span, apart }) = self.parted else {
             if let Some(message) = self.scatters() {
                 return whole(message);
+            }
+            if let Some(Scaled { span, scale }) = self.scaled {
+                let message = format!(
+                    "the velocities are {scale:.3} times those of the positions from {:.3} to {:.3} s: the clock, or the scale of one of them, is wrong there",
+                    span[0], span[1]
+                );
+                return Some((message, Some(span)));
             }
             let (empty, moving, first) = self.zeros.found()?;
             return Some((

@@ -3,7 +3,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::agreement::Zeros;
+use super::agreement::{Agreement, Zeros};
 use super::gyroscope::Gyroscope;
 
 /// Time over which the two may part (s), and the rotation that noise and slow errors of rates do not explain: an angle (rad)
@@ -20,6 +20,12 @@ const LARGEST_BIAS: f64 = 0.9;
 const BRIEF: f64 = 0.1;
 const LEAST: u32 = 20;
 const SCATTERS: f64 = 1.5;
+/// Correlation about an axis below which the two have opposite signs, and the least angular velocity about it (rad/s, root
+/// mean square).
+const OPPOSITE: f64 = -0.7;
+const TURNS: f64 = 0.1;
+/// The axes about which signs are compared: of the world, and of the body.
+const AXES: [[&str; 3]; 2] = [["north", "west", "up"], ["left", "dorsal", "cranial"]];
 
 /// Rotation since a time (s): by attitudes, by angular velocities, and the longer of both ways (rad).
 #[derive(Debug, Clone, Copy)]
@@ -30,6 +36,13 @@ struct Piece {
     ways: [f64; 2],
     /// What the angular velocities turn further than the attitudes, in axes of the body (rad).
     further: Vector3<f64>,
+}
+
+/// Rotation by attitudes and by rates (rad) since a time (s), in axes of the world and of the body.
+#[derive(Debug, Clone, Copy)]
+struct Brief {
+    begin: f64,
+    turned: [[Vector3<f64>; 2]; 2],
 }
 
 /// A time in which the two part (s), and what the angular velocities turn further, in axes of the body (rad).
@@ -48,9 +61,9 @@ pub(super) struct Spins {
     /// Length of all pieces (s), and what the angular velocities turn further in them.
     length: f64,
     further: Vector3<f64>,
-    /// When the present brief time began (s), what the two differ by since, and the rotation by attitudes and by rates since,
-    /// in axes of the body (rad).
-    brief: Option<(f64, Vector3<f64>, [Vector3<f64>; 2])>,
+    brief: Option<Brief>,
+    /// The two about each axis of the world and of the body.
+    about: [[Agreement; 3]; 2],
     gyroscope: Gyroscope,
     briefs: u32,
     scatter: f64,
@@ -70,16 +83,17 @@ impl Spins {
     ) {
         let by_rates = 0.5 * (before + now) * duration;
         let in_body = |turn: &Vector3<f64>| inertial_from_body.inverse_transform_vector(turn);
-        let (begin, apart, turned) =
-            (self.brief).get_or_insert((time - duration, Vector3::zeros(), [Vector3::zeros(); 2]));
-        *apart += turn - by_rates;
-        turned[0] += in_body(turn);
-        turned[1] += in_body(&by_rates);
-        if time - *begin >= BRIEF {
-            self.briefs += 1;
-            self.scatter += apart.norm() / (time - *begin);
-            self.gyroscope.see(time - *begin, turned);
-            self.brief = None;
+        let brief = self.brief.get_or_insert(Brief {
+            begin: time - duration,
+            turned: [[Vector3::zeros(); 2]; 2],
+        });
+        let both = [[*turn, by_rates], [in_body(turn), in_body(&by_rates)]];
+        for (sums, turned) in brief.turned.iter_mut().flatten().zip(both.iter().flatten()) {
+            *sums += turned;
+        }
+        let Brief { begin, turned } = *brief;
+        if time - begin >= BRIEF {
+            self.end_brief(time - begin, &turned);
         }
         self.zeros.see(time, turn, now);
         let piece = self.piece.get_or_insert_with(|| Piece {
@@ -109,6 +123,40 @@ impl Spins {
             });
         }
         self.piece = None;
+    }
+
+    /// Takes the rotations of a brief time of this length (s).
+    fn end_brief(&mut self, length: f64, turned: &[[Vector3<f64>; 2]; 2]) {
+        let [[by_attitudes, by_rates], in_body] = turned;
+        self.briefs += 1;
+        self.scatter += (by_attitudes - by_rates).norm() / length;
+        self.gyroscope.see(length, in_body);
+        for (about, [expected, found]) in self.about.iter_mut().zip(turned) {
+            for (axis, agreement) in about.iter_mut().enumerate() {
+                let along = |turned: &Vector3<f64>| Vector3::x() * (turned[axis] / length);
+                agreement.add(&along(expected), &along(found));
+            }
+        }
+        self.brief = None;
+    }
+
+    /// Angular velocities with the opposite sign about one axis, in a sentence.
+    pub(super) fn opposite(&self) -> Option<String> {
+        if self.briefs < LEAST {
+            return None;
+        }
+        let least = TURNS * TURNS * f64::from(self.briefs);
+        let names = AXES.iter().flatten();
+        let all = self.about.iter().flatten().zip(names);
+        let (agreement, axis) = all
+            .filter(|(agreement, _)| agreement.expected.min(agreement.found) > least)
+            .min_by(|(a, _), (b, _)| a.correlation().total_cmp(&b.correlation()))?;
+        let correlation = agreement.correlation();
+        (correlation < OPPOSITE).then(|| {
+            format!(
+                "about the {axis} axis, the angular velocities of the pelvis have the opposite sign of those of the attitudes (correlation {correlation:.2}): the sign of that axis is wrong"
+            )
+        })
     }
 
     /// Times in which the two part by more than a bias (rad/s, axes of the body) explains, each with how far (rad).

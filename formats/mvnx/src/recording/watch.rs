@@ -258,7 +258,8 @@ impl Watch {
             warnings.push(Warning::fault(last.index, span.unwrap_or(whole), message));
         }
         if whole[1] - whole[0] >= postures_from_s {
-            warnings.extend(self.anatomy.warnings((last.index, last.time)));
+            let (last, travels) = ((last.index, last.time), self.paths.is_far());
+            warnings.extend(self.anatomy.warnings(last, travels));
         }
         warnings.extend(self.segments.warnings());
         warnings.extend(self.limbs.warnings((last.index, last.time), sound));
@@ -294,7 +295,7 @@ impl Watch {
                 Warning::new(frame, message)
             }
         });
-        let backwards = self.clock.backwards();
+        let backwards = self.clock.backwards().or_else(|| self.clock.stands());
         let backwards = backwards.map(|(frame, message)| Warning::new(frame, message));
         let repeated = self.clock.repetitions();
         let repeated = repeated.map(|(frame, from, message, is_fault)| Warning {
@@ -314,9 +315,12 @@ impl Watch {
         let scatters = scatters.map(|message| Warning::fault(last, whole, message));
         let biased = self.spins.of_gyroscope().filter(|_| empty.is_none());
         let biased = biased.map(|message| Warning::new(last, message));
-        // What is missing is told once.
-        let missing = empty.or(parted);
-        missing.into_iter().chain(biased).chain(scatters).collect()
+        let opposite = self.spins.opposite();
+        let opposite = opposite.map(|message| Warning::fault(last, whole, message));
+        let biased = biased.filter(|_| opposite.is_none());
+        // What is wrong is told once.
+        let wrong = empty.or(opposite).or(parted);
+        wrong.into_iter().chain(biased).chain(scatters).collect()
     }
 
     /// What no fall of a person does over the `whole` flight (s), up to frame `last`.
