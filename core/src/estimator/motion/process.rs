@@ -364,8 +364,8 @@ mod tests {
     fn a_wrong_posture_hides_inputs_up_to_the_largest() {
         let mut process = Process::<f64>::new(&MOTION, 1.0 / 240.0).unwrap();
         // A standard deviation of 0.2 m3 for joint errors of 2 degrees.
-        let joints = process.joint_deviation();
-        process.set_sensitivity(&(SMatrix::identity() * (0.2 / joints).powi(2)));
+        let share = 0.2 / process.joint_deviation();
+        process.set_sensitivity(&(SMatrix::identity() * (share * share)));
         let hidden = |per_moment: f64| process.hidden(1, per_moment).root();
         // Twice that in a quarter of the time, and never more than deliberate inputs are.
         assert!((hidden(2.0) - 0.4).abs() < 1e-9);
