@@ -1,5 +1,6 @@
 //! The known flight as quaternions of sensors that lie anyhow on their segments.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -201,7 +202,35 @@ fn postures_survive_folders_of_sensors() {
     }
 }
 
-/// Raw sensors of a simulated jump give its postures back, and the estimate is consistent with their errors.
+/// The rows of a table by the names of its columns; what is no number is left out.
+fn table(path: &str) -> Vec<BTreeMap<String, f64>> {
+    let text = std::fs::read_to_string(path).expect("a table");
+    let mut lines = text.lines();
+    let names: Vec<&str> = lines.next().expect("names").split(',').collect();
+    let row = |line: &str| {
+        let cells = names.iter().zip(line.split(','));
+        let numbers =
+            cells.filter_map(|(name, cell)| Some(((*name).to_owned(), cell.parse().ok()?)));
+        numbers.collect()
+    };
+    lines.map(row).collect()
+}
+
+/// Share of the estimates whose muscle input is within twice its deviation of the one that was flown: pitch, yaw, roll.
+fn within_bars(found: &[BTreeMap<String, f64>], flown: &[BTreeMap<String, f64>]) -> [f64; 3] {
+    ["pitch", "yaw", "roll"].map(|axis| {
+        let deviation = format!("sd_{axis}");
+        let is_held = |row: &&BTreeMap<String, f64>| {
+            let after = flown.partition_point(|flown| flown["time_s"] <= row["time_s"]);
+            let truth = flown[after.saturating_sub(1)][axis];
+            (row[axis] - truth).abs() <= 2.0 * row[deviation.as_str()]
+        };
+        found.iter().filter(is_held).count() as f64 / found.len() as f64
+    })
+}
+
+/// Raw sensors of a simulated jump give its postures back; the estimate is consistent with their errors, and its bars hold the
+/// inputs that were flown, also during flips.
 #[test]
 fn raw_sensors_of_a_jump_are_imported_and_estimated() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -209,11 +238,11 @@ fn raw_sensors_of_a_jump_are_imported_and_estimated() {
     let out = plain(&folder.path().join("out")).to_owned();
     PROGRAM.json(&[
         "synth",
-        "transitions",
+        "layouts",
         "--sensors",
         "10",
         "--seed",
-        "2",
+        "3",
         "--out",
         &jump,
     ]);
@@ -257,11 +286,14 @@ fn raw_sensors_of_a_jump_are_imported_and_estimated() {
     }
     let off = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
     assert!(off < 2.5 * 3.0_f64.sqrt() * stated("l_thigh"), "{off}");
-    let estimate = PROGRAM.json(&["estimate", &out]);
+    let found = plain(&folder.path().join("found.csv")).to_owned();
+    let estimate = PROGRAM.json(&["estimate", &out, "--out", &found]);
     let share = estimate["consistency"]["consistent"]
         .as_f64()
         .unwrap_or(0.0);
     assert!(share > 0.9, "{estimate}");
+    let held = within_bars(&table(&found), &table(&format!("{jump}/inputs.csv")));
+    assert!(held.iter().all(|share| *share > 0.9), "{held:?}");
     // Whoever exchanges two files is told so, and little is believed of these segments.
     let text = std::fs::read_to_string(&mapping).expect("a mapping");
     let text = text

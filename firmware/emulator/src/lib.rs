@@ -10,6 +10,7 @@ mod host;
 mod result;
 pub mod sensed;
 pub mod tampered;
+pub mod worn;
 
 pub use chip::{Chip, Cost, Event, Look, Options, Provoked, Watchdog};
 pub use flight::Flight;

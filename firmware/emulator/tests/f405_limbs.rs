@@ -4,19 +4,9 @@ use std::io::Cursor;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use bodyflight_core::link::{SensorKind, Setup};
-use bodyflight_core::maneuver::Maneuver;
-use bodyflight_core::sensor_noise::SensorNoise;
-use bodyflight_core::suit::placement::of_size;
-use bodyflight_emulator::sensed::{Sensed, is_consistent};
+use bodyflight_emulator::sensed::is_consistent;
+use bodyflight_emulator::worn::Worn;
 use bodyflight_emulator::{Flight, Host, Options};
-use bodyflight_firmware::computer::Configuration;
-use bodyflight_firmware::limbs::Limbs;
-use bodyflight_laboratory::limb_sensors::line::STANDING;
-use bodyflight_laboratory::limb_sensors::{LimbSensors, Sizes};
-use bodyflight_laboratory::sensor_bytes::SensorBytes;
-use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, flown};
-use bodyflight_replay::flight as file;
 use bodyflight_unit::monitor::Input;
 use bodyflight_unit::sensor_line;
 
@@ -27,57 +17,10 @@ static FLIGHT: LazyLock<Flight> = LazyLock::new(|| Flight::of("tracking", "auto"
 const BEFORE: f64 = 8.0;
 const AFTER: f64 = 6.0;
 
-/// The bytes of ten sensors and a receiver, each with the time since the flight began (s).
-fn line() -> Vec<(f64, Vec<u8>)> {
-    let flight = file::Flight::bare(Path::new(""));
-    let request = Request {
-        maneuver: Maneuver::from_name("exit-and-tracking").unwrap(),
-        subject: &flight.subject,
-        density: 1.0,
-        seed: 2,
-        noise: SensorNoise::NONE,
-        joint_error: JointError::default(),
-        sway: DEFAULT_SWAY,
-        tunnel: false,
-    };
-    let mut frames = flown(&request, &flight.dynamics(4000.0)).unwrap();
-    frames.retain(|frame| frame.time <= AFTER);
-    let sensors = LimbSensors {
-        seed: 2,
-        segments: of_size(10).unwrap(),
-        sizes: Sizes::TYPICAL,
-        fault: None,
-    };
-    let streams = sensors.of(&flight.subject.body(), &frames);
-    let begin = streams.flight_s + STANDING;
-    let sent = streams.line().into_iter();
-    sent.map(|(time, bytes)| (time - begin, bytes)).collect()
-}
-
-/// A configuration with the calibration that the line begins with.
-fn calibrated(line: &[(f64, Vec<u8>)]) -> Setup {
-    let maneuver = Sensed::of_maneuver("tracking", 0.1, &SensorBytes::TYPICAL).unwrap();
-    let mut setup = maneuver.setup;
-    setup.configure.sensor = SensorKind::Chain;
-    (setup.configure.sample_rate, setup.configure.update_rate) = (100.0, 25.0);
-    let configuration = Configuration::new(&setup.configure, &setup.table).unwrap();
-    let mut limbs = Limbs::new();
-    for (_, bytes) in line {
-        let mut input = &bytes[..];
-        while limbs.next(&mut input, Some(configuration.body())).is_some() {}
-        if limbs.is_to_store() {
-            setup.limbs = *limbs.table();
-            return setup;
-        }
-    }
-    panic!("not calibrated: {:?}", limbs.calibration());
-}
-
 #[test]
 #[ignore = "needs the image: cargo xtask hil"]
 fn power_on_an_upright_pose_and_a_jump_give_the_desktops_estimates() {
-    let line = line();
-    let setup = calibrated(&line);
+    let Worn { line, setup } = Worn::in_exit(AFTER).unwrap();
     let flown: Vec<_> = line
         .into_iter()
         .filter(|(time, _)| *time > -BEFORE)

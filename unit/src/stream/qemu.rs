@@ -20,6 +20,9 @@ const PROGRAM: &str = "qemu-system-arm";
 /// therefore be sent on credit.
 const PACE: &str = "shift=3";
 
+/// The same for a machine that hears only what is in a file: while it waits, its clock jumps to what comes next.
+const FREE_PACE: &str = "shift=3,sleep=off";
+
 /// Longest time from starting the machine until its line is open.
 const START_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -48,6 +51,36 @@ fn room(image: &Path) -> Result<TempDir> {
     tempfile::tempdir().map_err(|error| Problem::system("make", image, error))
 }
 
+/// The same, with the file that is the machine's memory.
+fn room_with(image: &Path, flash: &Path) -> Result<TempDir> {
+    let folder = room(image)?;
+    let system = |error| Problem::system("open", flash, error);
+    let flash = flash.canonicalize().map_err(system)?;
+    // The image knows the file by this name.
+    std::os::unix::fs::symlink(&flash, folder.path().join("flash.bin")).map_err(system)?;
+    Ok(folder)
+}
+
+/// A line as the image reads it: each piece with its time (us, 4 bytes) and length (2 bytes) before it, little-endian.
+fn records(line: &[(f64, Vec<u8>)]) -> Vec<u8> {
+    let mut records = Vec::new();
+    for (time, bytes) in line {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "saturates at zero and after 71 minutes"
+        )]
+        let time = (time * 1e6) as u32;
+        for piece in bytes.chunks(usize::from(u16::MAX)) {
+            records.extend(time.to_le_bytes());
+            #[expect(clippy::cast_possible_truncation, reason = "as long as its largest")]
+            records.extend((piece.len() as u16).to_le_bytes());
+            records.extend(piece);
+        }
+    }
+    records
+}
+
 impl Qemu {
     /// Starts the machine with an image for the `lm3s6965evb`; returns it with the line to its first UART.
     ///
@@ -56,7 +89,7 @@ impl Qemu {
     pub fn start(image: &Path) -> Result<(Self, UnixStream)> {
         let folder = room(image)?;
         let socket = folder.path().join("line");
-        let mut machine = Self::launch(image, folder, |command, folder| {
+        let mut machine = Self::launch(image, folder, PACE, |command, folder| {
             command.args(["-M", "lm3s6965evb", "-cpu", "cortex-m4"]);
             command.args(["-monitor", "none"]);
             command.args(["-serial", &listening(&folder.join("line"), "wait=on")]);
@@ -72,13 +105,9 @@ impl Qemu {
     /// # Errors
     /// Returns an error if the image, the file or QEMU is missing, or the machine does not start.
     pub fn start_alone(image: &Path, flash: &Path) -> Result<(Self, UnixStream)> {
-        let folder = room(image)?;
-        let system = |error| Problem::system("open", flash, error);
-        let flash = flash.canonicalize().map_err(system)?;
-        // The image knows the file by this name.
-        std::os::unix::fs::symlink(&flash, folder.path().join("flash.bin")).map_err(system)?;
+        let folder = room_with(image, flash)?;
         let [line, monitor] = ["line", "monitor"].map(|name| folder.path().join(name));
-        let mut machine = Self::launch(image, folder, |command, folder| {
+        let mut machine = Self::launch(image, folder, PACE, |command, folder| {
             command.args(["-M", "mps2-an505"]);
             command.args(["-monitor", &listening(&folder.join("monitor"), "wait=off")]);
             command.args(["-serial", "null"]);
@@ -89,9 +118,42 @@ impl Qemu {
         Ok((machine, line))
     }
 
+    /// Runs such a machine with what is sent on its sensor's line, each piece with the time since the start (s), and cuts
+    /// the power when the line ends. Bytes arrive by the machine's clock, so that a run is the same on a busy desktop.
+    ///
+    /// # Errors
+    /// The same, or if the machine still runs after `patience`.
+    pub fn run_alone(
+        image: &Path,
+        flash: &Path,
+        line: &[(f64, Vec<u8>)],
+        patience: Duration,
+    ) -> Result<()> {
+        let folder = room_with(image, flash)?;
+        let file = folder.path().join("line.bin");
+        let system = |error| Problem::system("write", &file, error);
+        std::fs::write(&file, records(line)).map_err(system)?;
+        let mut machine = Self::launch(image, folder, FREE_PACE, |command, _| {
+            command.args(["-M", "mps2-an505", "-monitor", "none"]);
+            command.args(["-serial", "null", "-serial", "null"]);
+        })?;
+        let begin = Instant::now();
+        while machine.child.try_wait().ok().flatten().is_none() {
+            if begin.elapsed() > patience {
+                let seconds = patience.as_secs();
+                return Err(Problem::refused(format!(
+                    "{PROGRAM} has not heard the line to its end within {seconds} s"
+                )));
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        Ok(())
+    }
+
     fn launch(
         image: &Path,
         folder: TempDir,
+        pace: &str,
         choose: impl FnOnce(&mut Command, &Path),
     ) -> Result<Self> {
         let image = image
@@ -100,7 +162,7 @@ impl Qemu {
         let mut command = Command::new(PROGRAM);
         choose(&mut command, folder.path());
         let mut child = command
-            .args(["-nographic", "-icount", PACE])
+            .args(["-nographic", "-icount", pace])
             .args(["-semihosting-config", "enable=on,target=native"])
             .arg("-kernel")
             .arg(image)

@@ -59,6 +59,11 @@ impl<T: Real> PostureError<T> {
         self.inertia[1] = SMatrix::zeros();
     }
 
+    /// Whether segments are off, each on its own, instead of joints.
+    pub fn is_of_segments(&self) -> bool {
+        self.segments.is_some()
+    }
+
     /// Covariance of the aerodynamic load divided by the dynamic pressure (m4 for the force, m6 for the moment), if
     /// every joint axis has a standard deviation of 1 rad, or every segment that of [`PostureError::set_segments`].
     pub fn covariance(&self) -> &SMatrix<T, 6, 6> {

@@ -232,6 +232,19 @@ impl<T: Real> Process<T> {
         }
     }
 
+    /// Returns the variance of deliberate muscle input about an axis that a constant error of the posture hides. `per_moment`
+    /// is the input that turns the body as a residual moment of 1 m3 does.
+    ///
+    /// A push as large as a few standard deviations of the residual moment looks like the posture when the air or the
+    /// spin changes, whether the axis is awake or not.
+    pub fn hidden(&self, axis: usize, per_moment: T) -> T {
+        let variance = self.sensitivity[(3 + axis, 3 + axis)] * self.joint_variance;
+        let size = T::of(NOTICED * NOTICED) * variance * per_moment * per_moment;
+        let [_, largest] = self.awake[0];
+        // The comparison is false for NaN.
+        T::of(ON_PURPOSE) * if size < largest { size } else { largest }
+    }
+
     /// Returns the standard deviation of the joints (rad).
     pub fn joint_deviation(&self) -> T {
         self.joint_variance.root()
@@ -345,6 +358,19 @@ mod tests {
             assert!(now >= last, "{k}: {now} after {last}");
             last = now;
         }
+    }
+
+    #[test]
+    fn a_wrong_posture_hides_inputs_up_to_the_largest() {
+        let mut process = Process::<f64>::new(&MOTION, 1.0 / 240.0).unwrap();
+        // A standard deviation of 0.2 m3 for joint errors of 2 degrees.
+        let share = 0.2 / process.joint_deviation();
+        process.set_sensitivity(&(SMatrix::identity() * (share * share)));
+        let hidden = |per_moment: f64| process.hidden(1, per_moment).root();
+        // Twice that in a quarter of the time, and never more than deliberate inputs are.
+        assert!((hidden(2.0) - 0.4).abs() < 1e-9);
+        assert!((hidden(100.0) - 0.5 * f64::from(MOTION.awake[0])).abs() < 1e-9);
+        assert!(hidden(f64::NAN) == hidden(100.0) && hidden(0.0) == 0.0);
     }
 
     #[test]

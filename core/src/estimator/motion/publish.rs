@@ -3,7 +3,7 @@
 use super::estimate::{ChannelEstimate, MotionEstimate};
 use super::filter::{MotionFilter, STILL};
 use super::measurement::CHANNELS;
-use super::state::{Difference, SPIN};
+use super::state::{Difference, MUSCLE, RESIDUAL_MOMENT, SPIN};
 use super::support::Situation;
 use super::watch::{Consistency, Watch};
 use crate::estimator::propagation::Propagation;
@@ -22,7 +22,18 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         }
         self.lasting.add_to(&mut variances);
         let unknown_posture = self.still >= T::single(STILL);
-        self.process.stated(&variances, unknown_posture)
+        let mut stated = self.process.stated(&variances, unknown_posture);
+        // Errors of a calibration stay for the whole flight, unlike those of joints.
+        if self.posture_error.is_of_segments() {
+            for axis in 0..3 {
+                let [by_moment, by_muscle] =
+                    [RESIDUAL_MOMENT, MUSCLE].map(|input| self.slope[(SPIN + axis, input + axis)]);
+                let deviation = stated[MUSCLE + axis];
+                let hidden = self.process.hidden(axis, by_moment / by_muscle);
+                stated[MUSCLE + axis] = (deviation * deviation + hidden).root();
+            }
+        }
+        stated
     }
 
     /// Returns the estimate of the present state, and begins the counts of the next one.

@@ -1,5 +1,5 @@
-//! The unit on this board: UART0 to the host, UART1 from an inertial sensor, log and configuration in a file of the
-//! desktop, messages by semihosting.
+//! The unit on this board: UART0 to the host, UART1 or a file of the desktop from the sensor, log and configuration in
+//! another file, messages by semihosting.
 //!
 //! `bodyflight unit --qemu IMAGE --flash FILE --sensor BYTES` starts it in QEMU.
 #![no_std]
@@ -9,6 +9,8 @@
 mod clock;
 #[path = "unit/file.rs"]
 mod file;
+#[path = "unit/line.rs"]
+mod line;
 #[path = "../../qemu-lm3s6965/src/unit/poll.rs"]
 mod poll;
 #[path = "../../qemu-lm3s6965/src/unit/time.rs"]
@@ -20,6 +22,7 @@ use core::cell::RefCell;
 
 use bodyflight_cortex_m::{faults, stack};
 use bodyflight_firmware::fault::Reset;
+use bodyflight_firmware::ports::Either;
 use bodyflight_firmware::recorder::storage::{EraseAhead, FlightLog};
 use bodyflight_firmware::recorder::{Block, Recorder};
 use bodyflight_firmware::{Board, Unit, start};
@@ -30,6 +33,7 @@ use defmt_semihosting as _;
 use static_cell::{ConstStaticCell, StaticCell};
 
 use file::FileFlash;
+use line::FileLine;
 use uart::{Receiver, Transmitter, UART0, UART1};
 
 // Not by a feature of embassy-time, which would ask the images without a clock for one.
@@ -78,7 +82,11 @@ static BLOCKS: ConstStaticCell<[Block; 48]> = ConstStaticCell::new([Block::EMPTY
 #[embassy_executor::task]
 async fn application(unit: &'static RefCell<Unit<An505>>, log: Option<&'static mut OnBoardLog>) {
     let (receiver, transmitter) = (Receiver(&UART0), Transmitter(&UART0));
-    start(unit, receiver, transmitter, Receiver(&UART1), log).await;
+    let sensor = match FileLine::find() {
+        Some(line) => Either::First(line),
+        None => Either::Second(Receiver(&UART1)),
+    };
+    start(unit, receiver, transmitter, sensor, log).await;
 }
 
 /// The recorder, and the log in the file.
