@@ -37,6 +37,15 @@ impl<T: Real> Lasting<T> {
         }
     }
 
+    /// After a restart: inputs that are kept have what an earlier motion left in them, and `fresh` ones have nothing.
+    pub(super) fn restarted(&self, is_fresh: bool) -> Self {
+        let muscle = if is_fresh { T::zero() } else { self.muscle };
+        Self {
+            muscle,
+            ..Self::new()
+        }
+    }
+
     /// Passes an interval of `duration` (s); `is_left` says whether the motion was given up in it.
     pub(super) fn pass(&mut self, is_left: bool, duration: T) {
         let faded = self.muscle * (T::of(2.0) * duration / T::single(FADES));
@@ -127,6 +136,9 @@ mod tests {
                 "{variances}"
             );
         }
+        // A restart that keeps the inputs keeps it too.
+        assert_eq!(lasting.restarted(false), lasting);
+        assert_eq!(lasting.restarted(true), Lasting::new());
         (0..100_000).for_each(|_| lasting.pass(false, 0.01));
         assert_eq!(lasting, Lasting::new());
     }

@@ -5,7 +5,6 @@ use super::climb::Climb;
 use super::covariance;
 use super::filter::MotionFilter;
 use super::held::Held;
-use super::lasting::Lasting;
 use super::measurement::CHANNELS;
 use super::recovery::Recovery;
 use super::rejection::Rejection;
@@ -69,7 +68,7 @@ impl<T: Real, P: Propagation<T>> MotionFilter<T, P> {
         self.trail = Trail::new();
         self.held = Held::none();
         self.climb = Climb::new();
-        self.lasting = Lasting::new();
+        self.lasting = self.lasting.restarted(is_fresh);
         self.turned_back = TurnedBack::Nowhere;
         self.rejections = [Rejection::new(); CHANNELS];
         self.recovery = Recovery::new();
