@@ -102,7 +102,10 @@ pub fn estimate(
     } else {
         Consistency::Consistent
     };
-    let is_smoothed = settings.method == Method::Smooth && measured.velocities.are_sampled();
+    // If joint errors wander in the first minute, the whole flight has no solution with constant ones.
+    let wanders = found.is_some_and(|errors| errors.wanders);
+    let is_smoothed =
+        settings.method == Method::Smooth && measured.velocities.are_sampled() && !wanders;
     let smooth = is_smoothed.then(|| {
         if find_joint_error {
             Sizes::any()
