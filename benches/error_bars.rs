@@ -1,8 +1,7 @@
 //! Whether error bars are right: squared errors of muscle input and damping over the stated variances, which should be one
 //! on average, in flights whose recorded joints are off by 0 to 8 degrees, throughout or wandering.
 //!
-//! `cargo bench -p bodyflight-benches --bench error_bars -- --seeds 3 --write` flies all maneuvers and writes the table of
-//! `docs/estimator.md`; without `--write` it only prints it, with two more columns. Inputs are those of the
+//! `cargo bench -p bodyflight-benches --bench error_bars` prints the table of `docs/estimator.md`. Inputs are those of the
 //! maneuver, and beside them vary as slowly and as much as the filter expects of quiet input; otherwise a bar that says how
 //! much they may vary would only ever be too large. `--from SEED`, `--seeds NUMBER` and `--only NAME,NAME` select flights,
 //! `--degrees 4,8` selects sizes of joint errors, `--each` prints each maneuver and, below it, each
@@ -293,7 +292,6 @@ fn main() {
         only.is_none_or(|only| only.split(',').any(|meant| meant == name))
     };
     println!("{HEAD}");
-    let mut table: Vec<String> = HEAD.lines().map(str::to_owned).collect();
     if let Some(folder) = option("--flights") {
         let seconds = |name: &str| option(name).map(|text| text.parse().expect("a number"));
         let receiver = seconds("--receiver").map(|rate| Receiver {
@@ -341,7 +339,6 @@ fn main() {
             for (k, (by, _)) in METHODS.into_iter().enumerate() {
                 let all = scores.iter().map(|scores| &scores[k]);
                 let sum = all.fold(Score::default(), Score::merge);
-                table.push(sum.row(&name, by));
                 println!("{}", sum.row(&name, by));
                 if arguments.iter().any(|argument| argument == "--each") {
                     for ((maneuver, seed), scores) in flights.iter().zip(&scores) {
@@ -353,24 +350,4 @@ fn main() {
             }
         }
     }
-    if arguments.iter().any(|argument| argument == "--write") {
-        write(&table);
-    }
-}
-
-/// Replaces the table of `docs/estimator.md`, which has the first six columns.
-fn write(table: &[String]) {
-    let shown = |row: &String| row.split_inclusive('|').take(7).collect::<String>();
-    let table: Vec<String> = table.iter().map(shown).collect();
-    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/estimator.md");
-    let text = std::fs::read_to_string(&docs).expect("the page");
-    let first = table.first().expect("a head");
-    let (before, rest) = text.split_once(first).expect("the table of the page");
-    let after: String = rest
-        .split_inclusive('\n')
-        .skip(1)
-        .skip_while(|line| line.starts_with('|'))
-        .collect();
-    let table = table.join("\n");
-    std::fs::write(&docs, format!("{before}{table}\n{after}")).expect("the page");
 }

@@ -40,8 +40,6 @@ pub(crate) struct JointErrors {
     /// The size with which the filter counts is its root mean square.
     pub(crate) size: Size,
     pub(crate) source: JointErrorSource,
-    /// Whether they wander.
-    pub(crate) wanders: bool,
     /// Whether joints may be off by so much.
     pub(crate) is_plausible: bool,
 }
@@ -77,7 +75,6 @@ pub(crate) fn joint_errors(run: &Run<'_>, preset: &MotionPreset) -> Result<Joint
             } else {
                 JointErrorSource::Assumed
             },
-            wanders: false,
             is_plausible: size.mean < IMPLAUSIBLE[0].to_radians(),
         });
     }
@@ -87,7 +84,6 @@ pub(crate) fn joint_errors(run: &Run<'_>, preset: &MotionPreset) -> Result<Joint
     Ok(JointErrors {
         size: Size { mean, deviation },
         source: JointErrorSource::Seen,
-        wanders: true,
         is_plausible: likely < IMPLAUSIBLE[1].to_radians(),
     })
 }

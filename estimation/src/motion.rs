@@ -102,10 +102,7 @@ pub fn estimate(
     } else {
         Consistency::Consistent
     };
-    // If joint errors wander in the first minute, the whole flight has no solution with constant ones.
-    let wanders = found.is_some_and(|errors| errors.wanders);
-    let is_smoothed =
-        settings.method == Method::Smooth && measured.velocities.are_sampled() && !wanders;
+    let is_smoothed = settings.method == Method::Smooth && measured.velocities.are_sampled();
     let smooth = is_smoothed.then(|| {
         if find_joint_error {
             Sizes::any()

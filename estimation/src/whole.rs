@@ -96,46 +96,39 @@ impl<'a> Whole<'a> {
     ///
     /// # Errors
     /// Returns an error if the program is interrupted.
-    pub fn solve(self) -> Result<Option<Solution>> {
-        let found = self.until(|step| step < SETTLED)?;
-        Ok(found.map(|(whole, mut solution)| {
-            whole.load_by_joints(&mut solution.known);
-            solution
-        }))
+    pub fn solve(mut self) -> Result<Option<Solution>> {
+        let [least, most] = ITERATIONS;
+        for iteration in 1..=most {
+            progress::stage(format!("smoothing, pass {iteration}"));
+            let Some((mut solution, step)) = self.iterate()? else {
+                return Ok(None);
+            };
+            if iteration >= least && !self.stays() {
+                return Ok(None);
+            }
+            if iteration >= least && step < SETTLED {
+                self.load_by_joints(&mut solution.known);
+                return Ok(Some(solution));
+            }
+        }
+        Ok(None)
     }
 
     /// The size of the joint errors, which settles before they do; `None` if there is no solution or if they wander.
     ///
     /// # Errors
     /// Returns an error if the program is interrupted.
-    pub fn size(self) -> Result<Option<Size>> {
-        let found = self.until(|_| true)?;
-        Ok(found.map(|(_, solution)| solution.size))
-    }
-
-    /// Iterates until `is_enough` is true of the largest step of a joint error, in its standard deviations; `None` if that
-    /// does not happen, or if joint errors wander.
-    fn until(mut self, is_enough: impl Fn(f64) -> bool) -> Result<Option<(Self, Solution)>> {
-        let [least, most] = ITERATIONS;
-        for iteration in 1..=most {
-            progress::stage(format!("smoothing, pass {iteration}"));
-            let before = self.assumed.preset.joint_error;
-            let Some((solution, step)) = self.iterate()? else {
-                break;
+    pub fn size(mut self) -> Result<Option<Size>> {
+        let mut size = None;
+        let [passes, _] = ITERATIONS;
+        for iteration in 1..=passes {
+            progress::stage(format!("smoothing, pass {iteration} of {passes}"));
+            let Some((solution, _)) = self.iterate()? else {
+                return Ok(None);
             };
-            if iteration < least {
-                continue;
-            }
-            if self.stays() {
-                if is_enough(step) {
-                    return Ok(Some((self, solution)));
-                }
-            } else if self.assumed.preset.joint_error >= before {
-                // Errors that are not linear yet look like wander too, but less so with every pass.
-                break;
-            }
+            size = Some(solution.size);
         }
-        Ok(None)
+        Ok(size.filter(|_| self.stays()))
     }
 
     /// Whether joint errors are constant, as far as the flight tells.
