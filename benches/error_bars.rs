@@ -4,7 +4,8 @@
 //! `cargo bench -p bodyflight-benches --bench error_bars` prints the table of `docs/estimator.md`. Inputs are those of the
 //! maneuver, and beside them vary as slowly and as much as the filter expects of quiet input; otherwise a bar that says how
 //! much they may vary would only ever be too large. `--from SEED`, `--seeds NUMBER` and `--only NAME,NAME` select flights,
-//! `--degrees 4,8` selects sizes of joint errors, `--each` prints each maneuver. `--flights FOLDER` reads flights with a `truth.json` instead; with `--receiver RATE` their
+//! `--degrees 4,8` selects sizes of joint errors, `--each` prints each maneuver and, below it, each
+//! input. `--flights FOLDER` reads flights with a `truth.json` instead; with `--receiver RATE` their
 //! velocities are those of a receiver with this rate, whose errors last for `--lasts SECONDS`.
 #![expect(clippy::expect_used, reason = "a failing bench may panic")]
 
@@ -52,6 +53,8 @@ struct Score {
     /// Ratios where an input was seen, and their number.
     seen: [[f64; 2]; 2],
     inside: [f64; 2],
+    /// Of each input: ratios, squared errors, ratios where it was seen, and their number.
+    each: [[f64; 4]; 6],
     /// Size of the joint errors as found, by flight (deg).
     joints: Vec<f64>,
     doubted: f64,
@@ -77,7 +80,12 @@ impl Score {
                 score.ratios[kind] += ratio;
                 score.squares[kind] += error * error;
                 score.inside[kind] += f64::from(u8::from(ratio < 4.0));
+                let each = &mut score.each[k];
+                each[0] += ratio;
+                each[1] += error * error;
                 if deviation[k] < SEEN * f64::from(before[kind][k % 3]) {
+                    each[2] += ratio;
+                    each[3] += 1.0;
                     score.seen[kind][0] += ratio;
                     score.seen[kind][1] += 1.0;
                 }
@@ -93,12 +101,25 @@ impl Score {
         add(&mut self.ratios, &other.ratios);
         add(&mut self.squares, &other.squares);
         add(&mut self.inside, &other.inside);
+        add(self.each.as_flattened_mut(), other.each.as_flattened());
         add(self.seen.as_flattened_mut(), other.seen.as_flattened());
         self.points += other.points;
         self.doubted += other.doubted;
         self.consistent += other.consistent;
         self.joints.extend(&other.joints);
         self
+    }
+
+    /// Each input: ratio, RMS error, and the ratio where it was seen with the share of the time.
+    fn inputs(&self) -> String {
+        let number = self.points / 3.0;
+        let of = |[ratios, squares, seen, times]: &[f64; 4]| {
+            let (ratio, rms) = (ratios / number, (squares / number).sqrt());
+            let share = 100.0 * times / number;
+            format!("{ratio:.2}, {rms:.2}, {:.2} ({share:.0} %)", seen / times)
+        };
+        let each: Vec<String> = self.each.iter().map(of).collect();
+        each.join("; ")
     }
 
     fn row(&self, name: &str, by: &str) -> String {
@@ -323,6 +344,7 @@ fn main() {
                     for ((maneuver, seed), scores) in flights.iter().zip(&scores) {
                         let name = format!("{}, {seed}", maneuver.name);
                         println!("{}", scores[k].row(&name, by));
+                        println!("{}", scores[k].inputs());
                     }
                 }
             }

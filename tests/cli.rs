@@ -375,14 +375,20 @@ fn figures_are_written_and_bad_input_of_the_viewer_is_named() {
     drawn("snapshots-B.svg");
     let many = [&["figures"][..], &[flight.as_str(); 6]].concat();
     let message = fails(&many, 2);
-    assert!(message.contains("at most 5 flights"), "{message}");
+    assert!(
+        message.contains("expected 1 to 5 flights in a figure, found 6"),
+        "{message}"
+    );
     let message = fails(
         &["figures", &flight, "--from", "500", "--out", out, "--force"],
         2,
     );
     assert!(message.contains("between --from and --to"), "{message}");
     let message = fails(&["figures", &flight, "--snapshots", "0"], 2);
-    assert!(message.contains("--snapshots of 1 to 40"), "{message}");
+    assert!(
+        message.contains("expected 1 to 40 snapshots in a row, found 0"),
+        "{message}"
+    );
     let message = fails(&["view", &flight, "--out", &flight], 2);
     assert!(message.contains("would be overwritten"), "{message}");
     let message = fails(&["view", "absent/flight.toml"], 3);

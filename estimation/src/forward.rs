@@ -146,10 +146,7 @@ impl<'a> Forward<'a> {
         };
         process.set_sensitivity(&course.directions.covariance(0));
         // The start itself is measured: before that, almost nothing is known about its motion.
-        let pass = Pass::new(
-            &process.start(&times(&noise, 10.0)),
-            &ahead(&process, start),
-        );
+        let pass = Pass::new(&process.start(&noise.scaled(10.0)), &ahead(&process, start));
         let posture = course.corrected(first.posture);
         let mut sample = PostureSample::blank();
         course
@@ -349,14 +346,4 @@ fn turn_rate(dynamics: &Dynamics<f64>, motion: &Motion<f64>) -> f64 {
 fn through_air(dynamics: &Dynamics<f64>, motion: &Motion<f64>) -> Vector3<f64> {
     let air = dynamics.air.velocity_at(&motion.position);
     (motion.velocity - motion.inertial_from_body.inverse() * air).components
-}
-
-fn times(noise: &Noise<f64>, factor: f64) -> Noise<f64> {
-    Noise {
-        attitude: noise.attitude * factor,
-        angular_velocity: noise.angular_velocity * factor,
-        horizontal_velocity: noise.horizontal_velocity * factor,
-        vertical_velocity: noise.vertical_velocity * factor,
-        horizontal_speed: noise.horizontal_speed * factor,
-    }
 }

@@ -44,19 +44,10 @@ impl JointDirections {
         segments: Option<SegmentArray<f64>>,
         flight: impl Iterator<Item = (&'a Posture<f64>, &'a Motion<f64>)>,
     ) -> Self {
-        let mut sample = PostureSample::blank();
         let mut covariances = Vec::new();
         let all: Vec<SMatrix<f64, 6, JOINT_AXES>> = flight
             .step_by(SAMPLES)
-            .map(|(posture, motion)| {
-                let joints = columns(dynamics, posture, motion, &mut sample);
-                let columns = match &segments {
-                    Some(deviations) => of_segments(&joints, posture, deviations),
-                    None => joints,
-                };
-                covariances.push(covariance_of(&columns));
-                SMatrix::from_columns(&columns)
-            })
+            .map(loads_by_axes(dynamics, segments.as_ref(), &mut covariances))
             .collect();
         let mut sum = nalgebra::DMatrix::<f64>::zeros(JOINT_AXES, JOINT_AXES);
         for loads in &all {
@@ -74,6 +65,30 @@ impl JointDirections {
             covariances,
             segments,
         }
+    }
+
+    /// Computes the loads of the same directions anew, for postures that were corrected by errors too large for the loads to
+    /// be linear in them.
+    pub fn renew<'a>(
+        &mut self,
+        dynamics: &Dynamics<f64>,
+        errors: &Directions,
+        flight: impl Iterator<Item = (&'a Posture<f64>, &'a Motion<f64>)>,
+    ) {
+        let corrected: Vec<(Posture<f64>, &Motion<f64>)> = flight
+            .step_by(SAMPLES)
+            .map(|(posture, motion)| (self.corrected(posture, errors), motion))
+            .collect();
+        self.covariances.clear();
+        let flight = corrected.iter().map(|(posture, motion)| (posture, *motion));
+        let loads = loads_by_axes(dynamics, self.segments.as_ref(), &mut self.covariances);
+        self.loads = flight.map(loads).map(|loads| loads * self.axes).collect();
+    }
+
+    /// Root of the mean square of the turns of the joint axes (rad) by these errors.
+    pub fn turn(errors: &Directions) -> f64 {
+        // The directions are orthonormal.
+        errors.norm() / (JOINT_AXES as f64).sqrt()
     }
 
     /// Covariance of the load at a sample if every axis has a deviation of 1 rad.
@@ -106,5 +121,24 @@ impl JointDirections {
             let turned = posture.parent_from_segment(segment) * small_rotation(&turn);
             posture.with(segment, turned)
         })
+    }
+}
+
+/// Loads by an error of 1 rad, or of the deviations of segments, about each axis for a posture in motion; their covariance
+/// goes to `covariances`.
+fn loads_by_axes<'a>(
+    dynamics: &Dynamics<f64>,
+    segments: Option<&SegmentArray<f64>>,
+    covariances: &mut Vec<SMatrix<f64, 6, 6>>,
+) -> impl FnMut((&'a Posture<f64>, &'a Motion<f64>)) -> SMatrix<f64, 6, JOINT_AXES> {
+    let mut sample = PostureSample::blank();
+    move |(posture, motion)| {
+        let joints = columns(dynamics, posture, motion, &mut sample);
+        let columns = match segments {
+            Some(deviations) => of_segments(&joints, posture, deviations),
+            None => joints,
+        };
+        covariances.push(covariance_of(&columns));
+        SMatrix::from_columns(&columns)
     }
 }

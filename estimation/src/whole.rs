@@ -33,10 +33,16 @@ const SETTLED: f64 = 0.5;
 /// Its estimate is below 0.13 on synthetic flights with constant errors, and above 0.7 if they wander by 1 degree.
 const STAYS: f32 = 0.25;
 
+/// Mean turn of the joint axes (rad) after which the loads of the joint errors are computed anew: a hundredth of a turn
+/// changes them by some per cent.
+const RENEWED: f64 = 0.01;
+
 /// A flight as one problem.
 pub struct Whole<'a> {
     course: Course<'a>,
     assumed: Assumed,
+    /// Joint errors about which the loads of the directions were computed.
+    about: Directions,
 }
 
 /// The solution for a whole flight.
@@ -81,6 +87,7 @@ impl<'a> Whole<'a> {
                 block: BLOCK,
             },
             assumed: Assumed::of(preset, sizes),
+            about: Directions::zeros(),
         }
     }
 
@@ -96,6 +103,9 @@ impl<'a> Whole<'a> {
             let Some((mut solution, step)) = self.iterate()? else {
                 return Ok(None);
             };
+            if iteration >= least && !self.stays() {
+                return Ok(None);
+            }
             if iteration >= least && step < SETTLED {
                 self.load_by_joints(&mut solution.known);
                 return Ok(Some(solution));
@@ -118,7 +128,24 @@ impl<'a> Whole<'a> {
             };
             size = Some(solution.size);
         }
-        Ok(size)
+        Ok(size.filter(|_| self.stays()))
+    }
+
+    /// Whether joint errors are constant, as far as the flight tells.
+    fn stays(&self) -> bool {
+        self.assumed.preset.joint_error <= STAYS.to_radians()
+    }
+
+    /// Computes the loads of the joint errors anew if these have moved far.
+    fn renew_loads(&mut self) {
+        let course = &mut self.course;
+        if JointDirections::turn(&(course.errors - self.about)) > RENEWED {
+            let flight = course.samples.iter();
+            let flight = flight.map(|sample| (sample.posture, sample.motion));
+            let (dynamics, errors) = (&course.dynamics, &course.errors);
+            course.directions.renew(dynamics, errors, flight);
+            self.about = course.errors;
+        }
     }
 
     /// The constants after a forward pass, as differences from their present values; `None` without a solution.
@@ -132,7 +159,7 @@ impl<'a> Whole<'a> {
     }
 
     /// Moves trajectory, joint errors and assumptions to the solution of the linearized problem, and returns it with the
-    /// largest step of a joint error, in its standard deviations; `None` if there is none or if joint errors wander.
+    /// largest step of a joint error, in its standard deviations; `None` if there is none.
     fn iterate(&mut self) -> Result<Option<(Solution, f64)>> {
         let Ok(flown) = Flown::along(&self.course, &self.assumed.preset)? else {
             return Ok(None);
@@ -152,8 +179,8 @@ impl<'a> Whole<'a> {
         let steps = steps.map(|(step, variance)| step.abs() / variance.sqrt());
         let step = steps.fold(0.0, f64::max);
         let size = found.size;
-        let stays = self.assumed.preset.joint_error <= STAYS.to_radians();
-        Ok(stays.then_some((Solution { known, size }, step)))
+        self.renew_loads();
+        Ok(Some((Solution { known, size }, step)))
     }
 
     /// Adds the effect of the joint errors to the residual load, so that recorded postures act like corrected ones.

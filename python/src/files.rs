@@ -208,16 +208,7 @@ pub(crate) fn figures(
     force: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<PathBuf>> {
-    if !(1..=40).contains(&snapshots) {
-        let problem = Problem::bad_input(format!("expected 1 to 40, found {snapshots}"));
-        return Err(raise(problem.at("snapshots")));
-    }
     let flights = flights.all();
-    if !(1..=drawn::MOST).contains(&flights.len()) {
-        let (most, found) = (drawn::MOST, flights.len());
-        let problem = Problem::bad_input(format!("expected 1 to {most} flights, found {found}"));
-        return Err(raise(problem.at("flights")));
-    }
     let format = |name: &String| {
         let found = Format::ALL
             .into_iter()
@@ -235,6 +226,7 @@ pub(crate) fn figures(
             .collect::<PyResult<_>>()?,
         formats: formats.all().iter().map(format).collect::<PyResult<_>>()?,
     };
+    settings.check(flights.len()).map_err(raise)?;
     let names = drawn::files(flights.len(), &settings.formats);
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     destination::check_in(&out, &names, force).map_err(raise)?;

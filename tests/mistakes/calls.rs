@@ -224,7 +224,7 @@ pub(crate) const CALLS: [Mistake; 45] = [
         Nothing,
         "figures @flight.mvnx --snapshots 0",
         2,
-        "expected --snapshots of 1 to 40, found 0",
+        "expected 1 to 40 snapshots in a row, found 0",
     ),
     mistake(
         "share in per cent",

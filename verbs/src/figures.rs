@@ -21,9 +21,6 @@ pub use drawn::{Drawn, Settings};
 const SHARED: [&str; 3] = ["reconstruction", "inputs", "top-view"];
 const SNAPSHOTS: &str = "snapshots";
 
-/// Largest number of flights in a figure.
-pub const MOST: usize = together::LETTERS.len();
-
 /// File names of the figures of so many flights in these formats.
 pub fn files(flights: usize, formats: &[Format]) -> Vec<String> {
     let names = SHARED.map(str::to_owned);

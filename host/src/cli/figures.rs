@@ -6,7 +6,7 @@ use bodyflight_estimation::request::Request;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::{Flight, name_of};
 use bodyflight_replay::preset_file::{AUTO, Tuning};
-use bodyflight_verbs::figures::{Drawn, MOST, Settings, files, write};
+use bodyflight_verbs::figures::{Drawn, Settings, files, write};
 use bodyflight_verbs::output::bodies::{FRONT, SIDE, TOP, View};
 use bodyflight_verbs::output::figure::Format;
 use serde::Serialize;
@@ -113,12 +113,6 @@ pub(super) struct Written {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    if !(1..=40).contains(&args.snapshots) {
-        return Err(Problem::bad_input(format!(
-            "expected --snapshots of 1 to 40, found {}",
-            args.snapshots
-        )));
-    }
     window(args.from, args.to)?;
     let settings = Settings {
         request: Request {
@@ -132,11 +126,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         formats: args.format.iter().map(|name| name.format()).collect(),
     };
     let number = args.flights.len();
-    if number > MOST {
-        return Err(Problem::bad_input(format!(
-            "expected at most {MOST} flights in a figure, found {number}"
-        )));
-    }
+    settings.check(number)?;
     let flights: Vec<Flight> = args
         .flights
         .iter()

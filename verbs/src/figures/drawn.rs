@@ -4,6 +4,7 @@ use bodyflight_core::estimator::measurement::Quantity;
 
 use crate::output::bodies::View;
 use crate::output::figure::Format;
+use crate::output::plot::FLIGHTS;
 use crate::view::run::fly_series;
 use crate::view::series::Series;
 use crate::view::shape::{Shape, shapes};
@@ -30,6 +31,31 @@ pub struct Settings {
     pub views: Vec<View>,
     /// Formats in which to write each figure.
     pub formats: Vec<Format>,
+}
+
+/// Largest number of flights in a figure: each has a colour.
+const MOST_FLIGHTS: usize = FLIGHTS.len();
+/// Largest number of bodies in a row of snapshots.
+const MOST_SNAPSHOTS: usize = 40;
+
+impl Settings {
+    /// Checks that so many flights, and the snapshots, fit into figures.
+    ///
+    /// # Errors
+    /// Returns an error that says how many do.
+    pub fn check(&self, flights: usize) -> Result<()> {
+        let numbers = [
+            ("flights in a figure", MOST_FLIGHTS, flights),
+            ("snapshots in a row", MOST_SNAPSHOTS, self.snapshots),
+        ];
+        for (what, most, found) in numbers {
+            if !(1..=most).contains(&found) {
+                let problem = format!("expected 1 to {most} {what}, found {found}");
+                return Err(Problem::bad_input(problem));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A flight ready to be drawn.

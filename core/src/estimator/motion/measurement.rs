@@ -80,6 +80,18 @@ impl Noise<f32> {
 }
 
 impl<T: Real> Noise<T> {
+    /// Returns the noise of sensors whose deviations are `factor` times as large.
+    #[must_use]
+    pub fn scaled(&self, factor: T) -> Self {
+        Self {
+            attitude: self.attitude * factor,
+            angular_velocity: self.angular_velocity * factor,
+            horizontal_velocity: self.horizontal_velocity * factor,
+            vertical_velocity: self.vertical_velocity * factor,
+            horizontal_speed: self.horizontal_speed * factor,
+        }
+    }
+
     /// Returns the variances of a motion measured at rest, in the order of the error coordinates.
     pub fn motion_variances(&self) -> [T; MOTION_STATES] {
         [0, 1, 2, 6, 7, 8, 3, 4, 5].map(|channel| self.variance(channel, &Vector3::zeros()))

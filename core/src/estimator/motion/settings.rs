@@ -139,16 +139,7 @@ impl MotionPreset {
         }
         self.acceleration_noise *= root(process);
         self.angular_acceleration_noise *= root(process);
-        let noise = &mut self.noise;
-        for deviation in [
-            &mut noise.attitude,
-            &mut noise.angular_velocity,
-            &mut noise.horizontal_velocity,
-            &mut noise.vertical_velocity,
-            &mut noise.horizontal_speed,
-        ] {
-            *deviation *= root(measurement);
-        }
+        self.noise = self.noise.scaled(root(measurement));
     }
 
     /// Duration of an interval of `stride` samples (s).
