@@ -114,19 +114,19 @@ fn as_recorded(
 const SIDEWAYS: f64 = 0.02;
 
 /// Radians that are read as degrees: no leg is bent, by this angle (rad), and no joint moves by more than that one (rad) from
-/// where it began, though some move, in this number of frames at least.
-const STRETCHED: f64 = 0.3;
+/// where it began, though most move, by this one (rad) at least, and something does in this number of frames. A pose that is
+/// held by hand in a simulation moves a few joints.
+const STRETCHED: f64 = 0.06;
 const STIRS: f64 = 0.1;
+const LEAST_STIRRED: f64 = 1e-3;
 const LEAST_STRETCHED: u64 = 100;
+const MOST: usize = Segment::ALL.len() / 2;
 const LEGS: [Segment; 2] = [Segment::LeftThigh, Segment::LeftShank];
 
-fn is_stretched(posture: &Posture<f64>, first: &Posture<f64>) -> bool {
+/// Whether no leg is bent and no joint has moved far (rad) from where it began.
+fn is_stretched(posture: &Posture<f64>, moved: &[f64]) -> bool {
     let bends = |own: Segment| posture.parent_from_segment(own).angle() > STRETCHED;
-    let stirs = |own: &Segment| {
-        let began = first.parent_from_segment(*own);
-        posture.parent_from_segment(*own).angle_to(began) > STIRS
-    };
-    !LEGS.into_iter().any(|left| either(left, bends)) && !Segment::ALL.iter().any(stirs)
+    !LEGS.into_iter().any(|left| either(left, bends)) && moved.iter().all(|angle| *angle <= STIRS)
 }
 
 /// What has been seen of the postures.
@@ -138,9 +138,11 @@ pub(super) struct Anatomy {
     /// Frames in which a segment moves and has another attitude than its mirror image.
     moving: [u64; LEFT.len()],
     copied: [u64; LEFT.len()],
-    /// The first posture, frames in which no leg is bent and no joint far from there, and those in which a segment moves.
+    /// The first posture, frames in which no leg is bent and no joint far from there, which joints have stirred, and frames in
+    /// which a segment moves.
     first: Option<Posture<f64>>,
     stretched: u64,
+    stirred: [bool; Segment::ALL.len()],
     moved: u64,
 }
 
@@ -156,7 +158,14 @@ impl Anatomy {
             *count += u64::from(is_wrong(posture));
         }
         let first = self.first.get_or_insert(*posture);
-        self.stretched += u64::from(is_stretched(posture, first));
+        let moved = Segment::ALL.map(|own| {
+            let began = first.parent_from_segment(own);
+            posture.parent_from_segment(own).angle_to(began)
+        });
+        self.stretched += u64::from(is_stretched(posture, &moved));
+        for (stirred, moved) in self.stirred.iter_mut().zip(moved) {
+            *stirred |= moved > LEAST_STIRRED;
+        }
         let last = self.last.replace(*turned);
         let differs = |a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>| {
             (a.coords - b.coords)
@@ -210,8 +219,9 @@ impl Anatomy {
             );
             fault(left, message)
         });
-        let is_stretched =
-            travels && self.moved >= LEAST_STRETCHED && self.stretched == self.frames;
+        let stirred = self.stirred.iter().filter(|stirred| **stirred).count();
+        let moves = self.moved >= LEAST_STRETCHED && stirred > MOST;
+        let is_stretched = travels && moves && self.stretched == self.frames;
         let stretched = is_stretched.then(|| {
             let message = format!(
                 "the legs are stretched and no joint moves by more than {:.0} degrees in all {} frames: are the angles radians that were read as degrees?",
