@@ -118,7 +118,7 @@ const SIDEWAYS: f64 = 0.02;
 /// held by hand in a simulation moves a few joints.
 const STRETCHED: f64 = 0.06;
 const STIRS: f64 = 0.1;
-const LEAST_STIRRED: f64 = 1e-3;
+const LEAST_STIRRED: f64 = 1e-4;
 const LEAST_STRETCHED: u64 = 100;
 const MOST: usize = Segment::ALL.len() / 2;
 const LEGS: [Segment; 2] = [Segment::LeftThigh, Segment::LeftShank];
