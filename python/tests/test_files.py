@@ -94,7 +94,7 @@ def test_figures_are_those_of_the_program(turn, program, tmp_path):
     together = bodyflight.figures(flights, tmp_path / "two", between=(1, 3))
     names = ["reconstruction", "inputs", "top-view", "snapshots-A", "snapshots-B"]
     assert [path.stem for path in together] == names
-    with pytest.raises(bodyflight.BadInput, match="1 to 5 flights, found 6"):
+    with pytest.raises(bodyflight.BadInput, match="1 to 5 flights in a figure, found 6"):
         bodyflight.figures(flights * 3, tmp_path / "six")
     with pytest.raises(bodyflight.BadInput, match="unknown format"):
         bodyflight.figures(bodyflight.Flight(turn), tmp_path / "other", formats=["svg", "gif"])
