@@ -157,9 +157,23 @@ impl<T: Lanes> SegmentMotion<T> {
         }
     }
 
+    /// Sets the motion of a segment from that of its parent; the root's stays.
+    #[inline(always)]
+    pub(crate) fn follow(
+        moving: &mut SegmentArray<Self>,
+        segment: Segment,
+        posed: &SegmentArray<PosedSegment<T>>,
+        rate: &PostureRate<T>,
+    ) {
+        if let Some(parent) = segment.parent() {
+            let of_parent = (&posed[parent], &moving[parent]);
+            moving[segment] = Self::of(&posed[segment], of_parent, &rate.0[segment]);
+        }
+    }
+
     /// Of a segment whose joint turns at `rate`, given its parent with the parent's motion.
     #[inline(always)]
-    pub(crate) fn of(
+    fn of(
         placed: &PosedSegment<T>,
         (parent, motion): (&PosedSegment<T>, &Self),
         rate: &Vector3<T>,
@@ -275,10 +289,7 @@ impl<T: Lanes> MassMotion<T> {
         let mut moving = SegmentArray::from_fn(|_| SegmentMotion::<T>::none());
         for segment in Segment::ALL {
             let placed = &posed[segment];
-            if let Some(parent) = segment.parent() {
-                let of_parent = (&posed[parent], &moving[parent]);
-                moving[segment] = SegmentMotion::of(placed, of_parent, &rate.0[segment]);
-            }
+            SegmentMotion::follow(&mut moving, segment, posed, rate);
             let parameters = &body.segments[segment];
             sum.add(&MovingShare::of(parameters, placed, &moving[segment]));
         }

@@ -59,10 +59,7 @@ impl<T: Real> Dynamics<T> {
         let posed = pose(&self.body, posture);
         let mut moving = SegmentArray::from_fn(|_| SegmentMotion::none());
         for segment in Segment::ALL {
-            if let Some(parent) = segment.parent() {
-                let of_parent = (&posed[parent], &moving[parent]);
-                moving[segment] = SegmentMotion::of(&posed[segment], of_parent, &rate.0[segment]);
-            }
+            SegmentMotion::follow(&mut moving, segment, &posed, rate);
         }
         let exposed = crate::aerodynamics::expose(&self.body, &posed, &self.aerodynamics);
         SampleParts {
@@ -101,10 +98,7 @@ impl<T: Real> Dynamics<T> {
             let parameters = &self.body.segments[segment];
             let turn = posture.parent_from_segment(segment);
             posed[segment] = PosedSegment::of(parameters, parent.map(|p| &posed[p]), turn);
-            if let Some(parent) = parent {
-                let of_parent = (&posed[parent], &moving[parent]);
-                moving[segment] = SegmentMotion::of(&posed[segment], of_parent, &rate.0[segment]);
-            }
+            SegmentMotion::follow(&mut moving, segment, &posed, rate);
             let share = MovingShare::of(parameters, &posed[segment], &moving[segment]);
             sum.add(&share);
         }
