@@ -92,9 +92,9 @@ const VERBS: [Verb; 11] = {
         verb(
             &[
                 "discover",
-                "flight-0/flight.toml",
+                "../flight-0/flight.toml",
                 "--hold-out",
-                "flight-1/flight.toml",
+                "../flight-1/flight.toml",
             ],
             Recording,
             128.0,
@@ -106,7 +106,7 @@ const VERBS: [Verb; 11] = {
                 "import",
                 "MARKERS",
                 "--mapping",
-                "points.toml",
+                "../points.toml",
                 "--out",
                 "imported",
             ],
@@ -139,17 +139,19 @@ struct Measured {
 
 fn measured(folder: &Path, verb: &Verb, size: f64) -> Measured {
     let arguments = verb.arguments.iter().map(|word| match *word {
-        "RECORDING" => "long/flight.mvnx",
-        "FLIGHT" => "long/flight.toml",
-        "OTHER" => "other/flight.toml",
-        "TRACK" => "track.csv",
-        "MARKERS" => "markers.csv",
+        "RECORDING" => "../long/flight.mvnx",
+        "FLIGHT" => "../long/flight.toml",
+        "OTHER" => "../other/flight.toml",
+        "TRACK" => "../track.csv",
+        "MARKERS" => "../markers.csv",
         word => word,
     });
+    // Outputs of two hours are too large to keep those of every verb.
+    let outputs = tempfile::tempdir_in(folder).expect("a folder");
     let begin = Instant::now();
     let mut child = Command::new(PROGRAM)
         .args(arguments)
-        .current_dir(folder)
+        .current_dir(outputs.path())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn()
