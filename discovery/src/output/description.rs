@@ -7,7 +7,7 @@ use serde::Serialize;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct DescribedLoad {
-    /// In words: `moment about left, 25.0 +- 0.4 N m, 3.10 +- 0.01 Hz`.
+    /// In words: `moment about left, 25.0 +- 0.4 N m, 3.100 +- 0.004 Hz`.
     pub in_words: String,
     /// Size where every factor is one (N or N m).
     pub size: f64,

@@ -249,7 +249,7 @@ pub(crate) fn factor_in_words(factor: &Factor<f64>, frequency_error: Option<f64>
             from + reference
         ),
         Factor::Sine { frequency, .. } => match frequency_error {
-            Some(error) => format!("{frequency:.2} +- {error:.2} Hz"),
+            Some(error) => format!("{frequency:.3} +- {error:.3} Hz"),
             None => format!("{frequency:.2} Hz"),
         },
         Factor::Pulse {
@@ -311,7 +311,7 @@ mod tests {
         );
         assert_eq!(pointing_in_words(drag), "force on l_foot along the stream");
         let words = factor_in_words(&sine(3.1, 0.2), Some(0.011));
-        assert_eq!(words, "3.10 +- 0.01 Hz");
+        assert_eq!(words, "3.100 +- 0.011 Hz");
         let pulse = Factor::Pulse {
             start: -3.0,
             duration: 1.25,

@@ -64,7 +64,16 @@ fn explained(
     };
     let gained = left.likelihood - quiet.likelihood;
     let could = after.fitted.errors.likelihood - quiet.likelihood;
-    Ok(gained / could.max(gained).max(1e-9))
+    Ok(share(gained, could))
+}
+
+/// The share `gained` of what `could` be gained: zero where the loads gain nothing, at most one.
+fn share(gained: f64, could: f64) -> f64 {
+    if gained > 0.0 {
+        gained / could.max(gained)
+    } else {
+        0.0
+    }
 }
 
 /// Removes loads that are not significantly different from zero.
@@ -260,4 +269,25 @@ fn in_words(groups: &[Group], covariance: &DMatrix<f64>) -> Vec<DescribedLoad> {
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::share;
+
+    proptest! {
+        #[test]
+        fn a_share_is_between_nothing_and_all(gained in -1e9..1e9_f64, could in -1e9..1e9_f64) {
+            prop_assert!((0.0..=1.0).contains(&share(gained, could)));
+        }
+    }
+
+    #[test]
+    fn loads_that_make_a_flight_less_likely_explain_nothing() {
+        // Found in a flight in which no load could explain anything: a share of -1.2e10.
+        assert!(share(-12.0, -15.0) < 1e-9);
+        assert!((share(3.0, 4.0) - 0.75).abs() < 1e-9);
+    }
 }
