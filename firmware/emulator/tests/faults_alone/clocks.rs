@@ -6,7 +6,7 @@ use bodyflight_emulator::tampered::Sent;
 type Fault = fn(&mut [Sent], usize);
 
 /// Faults of the clock and the counter, which begin at a packet and last; and after how many packets what comes is clean.
-pub const CLOCKS: [(&str, Fault, usize); 14] = [
+pub const CLOCKS: [(&str, Fault, usize); 16] = [
     ("restart at once", |all, first| restart(all, first, 0), 0),
     (
         "restart after 100 packets of silence",
@@ -17,6 +17,14 @@ pub const CLOCKS: [(&str, Fault, usize); 14] = [
         "restart after 500 packets of silence",
         |all, first| restart(all, first, 500),
         500,
+    ),
+    (
+        "two restarts",
+        |all, first| {
+            restart(all, first, 50);
+            restart(all, first + 250, 50);
+        },
+        300,
     ),
     (
         "counter to zero",
@@ -80,6 +88,15 @@ pub const CLOCKS: [(&str, Fault, usize); 14] = [
     (
         "clock 5 s back",
         |all, first| all[first..].iter_mut().for_each(|s| s.ticks -= 50_000),
+        0,
+    ),
+    (
+        "clock an hour back",
+        |all, first| {
+            let hour = 36_000_000;
+            all.iter_mut().for_each(|s| s.ticks += hour);
+            all[first..].iter_mut().for_each(|s| s.ticks -= hour);
+        },
         0,
     ),
     ("4 s of silence", |all, first| silence(all, first, 4), 0),

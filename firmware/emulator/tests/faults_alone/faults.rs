@@ -5,6 +5,8 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use bodyflight_emulator::tampered::Sent;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
+use crate::delays::{late, later_and_later, stale};
+
 /// How what is sent changes.
 pub enum Change {
     /// Each packet, with its number.
@@ -70,15 +72,14 @@ fn forces(sent: &mut Sent, change: fn(f32) -> f32) {
     sent.force = sent.force.map(|force| force.map(change));
 }
 
-fn late(all: &mut [Sent], by: usize) {
-    let solutions: Vec<_> = all.iter().map(|sent| sent.solution).collect();
-    for (k, sent) in all.iter_mut().enumerate() {
-        sent.solution = k.checked_sub(by).and_then(|k| solutions[k]);
+fn time_of_week(sent: &mut Sent, change: fn(u32) -> u32) {
+    if let Some(solution) = &mut sent.solution {
+        solution.time_of_week_ms = change(solution.time_of_week_ms);
     }
 }
 
 /// Faults of a few seconds, after which everything is as before.
-pub const FAULTS: [(&str, Change); 68] = [
+pub const FAULTS: [(&str, Change); 80] = [
     ("line dead", Each(|s, _| s.is_silent = true)),
     (
         "a third of the packets lost",
@@ -153,6 +154,32 @@ pub const FAULTS: [(&str, Change); 68] = [
             }
         }),
     ),
+    ("solutions later and later", All(later_and_later)),
+    (
+        "accuracy stated as 1000 km/s",
+        Each(|s, _| accuracy(s, 1e6)),
+    ),
+    (
+        "accuracy stated as 0.03 m/s, up 2 m/s off",
+        Each(|s, _| {
+            accuracy(s, 0.03);
+            if let Some(solution) = &mut s.solution {
+                solution.velocity_mps.z += 2.0;
+            }
+        }),
+    ),
+    (
+        "two receivers, 4 m/s apart",
+        Velocity(|v, k| v.y += if (k / 48) % 2 == 0 { 4.0 } else { 0.0 }),
+    ),
+    (
+        "time of week stuck",
+        Each(|s, _| time_of_week(s, |_| 100_000)),
+    ),
+    (
+        "time of week an hour back",
+        Each(|s, _| time_of_week(s, |time| time.wrapping_sub(3_600_000))),
+    ),
     ("no solutions", Each(|s, _| s.solution = None)),
     (
         "no fix",
@@ -205,6 +232,14 @@ pub const FAULTS: [(&str, Change); 68] = [
     ),
     ("gyroscope's axes reversed", Each(|s, _| rates(s, |v| -v))),
     (
+        "gyroscope's axes exchanged",
+        Each(|s, _| s.turn = s.turn.map(|[x, y, z]| [y, x, z])),
+    ),
+    (
+        "gyroscope 0.1 s late",
+        All(|all| stale(all, 24, |sent| &mut sent.turn)),
+    ),
+    (
         "gyroscope in deg/s",
         Each(|s, _| rates(s, |v| v * 180.0 / PI)),
     ),
@@ -226,6 +261,10 @@ pub const FAULTS: [(&str, Change); 68] = [
         Each(|s, _| forces(s, |v| v / 9.806_65)),
     ),
     ("accelerometer reversed", Each(|s, _| forces(s, |v| -v))),
+    (
+        "accelerometer's axes exchanged",
+        Each(|s, _| s.force = s.force.map(|[x, y, z]| [y, x, z])),
+    ),
     (
         "accelerometer's axes permuted",
         Each(|s, _| s.force = s.force.map(|[x, y, z]| [y, z, x])),
@@ -261,6 +300,17 @@ pub const FAULTS: [(&str, Change); 68] = [
             let held = all[0].attitude_wxyz;
             all.iter_mut().for_each(|s| s.attitude_wxyz = held);
         }),
+    ),
+    (
+        "attitude's sign alternating",
+        Each(|s, k| {
+            let sign = if k % 2 == 0 { -1.0 } else { 1.0 };
+            s.attitude_wxyz = s.attitude_wxyz.map(|wxyz| wxyz.map(|v| sign * v));
+        }),
+    ),
+    (
+        "attitude 0.3 s late",
+        All(|all| stale(all, 72, |sent| &mut sent.attitude_wxyz)),
     ),
     (
         "attitude inverse",
@@ -332,6 +382,10 @@ pub const FAULTS: [(&str, Change); 68] = [
             let held = all[0].pressure;
             all.iter_mut().for_each(|s| s.pressure = held);
         }),
+    ),
+    (
+        "pressure in steps of 200 Pa",
+        Each(|s, _| s.pressure = s.pressure.map(|p| p / 200 * 200)),
     ),
     ("pressure zero", Each(|s, _| s.pressure = Some(0))),
     (

@@ -5,6 +5,7 @@
 //! simulator (`wind-slow-104/flight-1`).
 
 mod clocks;
+mod delays;
 mod faults;
 mod situations;
 
