@@ -16,8 +16,9 @@ pub(super) struct Solution {
     pub(super) age: f32,
 }
 
-/// Number of times that a receiver in motion may repeat a velocity, which it gives to the millimetre per second.
-const REPEATS: u8 = 2;
+/// Number of times that a receiver in motion may repeat a velocity, and one component of it, which it gives to the millimetre
+/// per second.
+const REPEATS: (u8, u8) = (2, 3);
 /// Difference of the two clocks by which an epoch of the receiver begins (ms): its week ended, or it found the time.
 const EPOCH: i32 = 10_000;
 /// Time in which the clocks drift apart by a millisecond at most (ms): 50 ppm.
@@ -27,7 +28,8 @@ const DRIFT: i32 = 20_000;
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Receiver {
     last: Option<Last>,
-    repeats: u8,
+    /// How often each component has been repeated.
+    repeats: [u8; 3],
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -42,12 +44,15 @@ impl Receiver {
     /// Whether the receiver still measures, after a solution with this velocity (m/s) on somebody who moves or does not: at
     /// rest receivers hold their position.
     pub(super) fn measures(&mut self, velocity: &Vector3<f32>, is_moving: bool) -> bool {
-        let is_same = (self.last).is_some_and(|last| last.velocity == *velocity) && is_moving;
-        self.repeats = if is_same {
-            self.repeats.saturating_add(1)
-        } else {
-            0
-        };
+        for (axis, repeats) in self.repeats.iter_mut().enumerate() {
+            let is_same =
+                is_moving && (self.last).is_some_and(|last| last.velocity[axis] == velocity[axis]);
+            *repeats = if is_same {
+                repeats.saturating_add(1)
+            } else {
+                0
+            };
+        }
         if let Some(last) = &mut self.last {
             last.velocity = *velocity;
         } else {
@@ -57,7 +62,9 @@ impl Receiver {
                 least: None,
             });
         }
-        self.repeats < REPEATS
+        let (whole, component) = REPEATS;
+        self.repeats.iter().any(|repeats| *repeats < whole)
+            && self.repeats.iter().all(|repeats| *repeats < component)
     }
 
     /// By how much longer than the promptest one a solution was on its way (s), that of the receiver's time `time_of_week`
@@ -128,6 +135,9 @@ mod tests {
         let heard = [falling; 4].map(|velocity| receiver.measures(&velocity, true));
         assert_eq!(heard, [true, true, false, false]);
         assert!(receiver.measures(&Vector3::x(), true));
+        let north_alone = [0.1, 0.2, 0.3, 0.4, 0.5].map(|up| Vector3::new(3.0, up, up - 50.0));
+        let heard = north_alone.map(|velocity| receiver.measures(&velocity, true));
+        assert_eq!(heard, [true, true, true, false, false]);
         assert!(
             [Vector3::zeros(); 9]
                 .iter()

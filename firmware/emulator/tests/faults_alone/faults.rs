@@ -79,7 +79,7 @@ fn time_of_week(sent: &mut Sent, change: fn(u32) -> u32) {
 }
 
 /// Faults of a few seconds, after which everything is as before.
-pub const FAULTS: [(&str, Change); 80] = [
+pub const FAULTS: [(&str, Change); 81] = [
     ("line dead", Each(|s, _| s.is_silent = true)),
     (
         "a third of the packets lost",
@@ -151,6 +151,15 @@ pub const FAULTS: [(&str, Change); 80] = [
                 .map_or(Vector3::zeros(), |s| s.velocity_mps);
             for solution in all.iter_mut().filter_map(|s| s.solution.as_mut()) {
                 solution.velocity_mps = held;
+            }
+        }),
+    ),
+    (
+        "north frozen",
+        All(|all| {
+            let held = all.iter().find_map(|s| s.solution);
+            for solution in all.iter_mut().filter_map(|s| s.solution.as_mut()) {
+                solution.velocity_mps.x = held.map_or(0.0, |held| held.velocity_mps.x);
             }
         }),
     ),

@@ -52,7 +52,9 @@ fn a_sensor_of_rates_and_forces_is_enough() {
         let now = u64::from(k) * 1_000_000 / 240 + 1_000_000;
         unit.board.now.set(now);
         if k % 48 == 24 {
-            unit.receive_sensor(&solution(moving.into(), 0.3));
+            // No receiver in motion gives the same number again and again.
+            let noise = Vector3::repeat(0.01 * f32::from(k % 5));
+            unit.receive_sensor(&solution((moving + noise).into(), 0.3));
         }
         let ticks = u32::from(k) * 10_000 / 240;
         unit.receive_sensor(&packet(k, ticks, turn + Vector3::from(BIAS), force));
@@ -90,7 +92,8 @@ fn a_sensor_of_rates_and_forces_is_enough() {
         "{status:?}"
     );
     assert!(worst[0] < 0.1 && worst[1] < 0.8, "{worst:?} rad, m/s");
-    // At the start of the flight the velocity jumps as that of no body can, which is not forgotten within a minute.
-    assert!(doubtful > 1200, "doubtful until sample {doubtful}");
-    std::println!("worst {worst:?} rad, m/s; doubtful until sample {doubtful}");
+    // At the start of the flight the velocity jumps as that of no body can; the filter was doubtful before, so it takes that as
+    // its own error.
+    assert!(doubtful == 0, "doubtful until sample {doubtful}");
+    std::println!("worst {worst:?} rad, m/s");
 }
