@@ -189,6 +189,7 @@ fn heights_alone_have_no_horizontal_motion() {
 fn channels_that_are_later_than_any_logger_are_doubted() {
     for (late, name, other) in [
         (7.0, "vertical velocities", "heights"),
+        (20.0, "vertical velocities", "heights"),
         (-12.0, "heights", "vertical velocities"),
     ] {
         let flown = jump(&Jump::default());

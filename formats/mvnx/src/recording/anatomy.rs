@@ -38,82 +38,77 @@ fn crosses(posture: &Posture<f64>, left: Segment) -> f64 {
     reaches(left.mirrored()) - reaches(left)
 }
 
-/// The segment on either side; one of the trunk is its own counterpart.
-fn sides(left: Segment) -> [Segment; 2] {
-    [left, left.mirrored()]
-}
-
 fn either(left: Segment, is_wrong: impl Fn(Segment) -> bool) -> bool {
-    sides(left).into_iter().any(is_wrong)
+    is_wrong(left) || is_wrong(left.mirrored())
 }
 
 /// What a body cannot do.
 struct Check {
-    /// The segment concerned, on the left side if it has two.
-    segment: Segment,
+    /// The segments that are judged, on both sides if each is by itself; the first one gives it its name.
+    segments: &'static [Segment],
     /// The fault in words.
     said: &'static str,
     /// How far a segment goes, in rad, or in lengths of a segment if it `crosses`.
     measure: fn(&Posture<f64>, Segment) -> f64,
     /// What nobody exceeds in most of a recording.
     mostly: f64,
-    /// What nobody exceeds for a while: people, and captures of them, go less far by a third.
+    /// What nobody exceeds for a while, with a margin for limbs whose sensors are badly worn.
     ever: Option<f64>,
 }
 
 const CHECKS: [Check; 10] = [
     Check {
-        segment: Segment::LeftShank,
+        segments: &[Segment::LeftShank, Segment::RightShank],
         said: "the knees are bent forwards",
         // The heel goes backwards, which is dorsal.
         measure: |posture, shank| sine(-down(posture, shank).y),
         mostly: 0.2,
-        ever: Some(0.55),
+        ever: Some(0.8),
     },
     Check {
-        segment: Segment::LeftShank,
+        segments: &[Segment::LeftShank, Segment::RightShank],
         said: "the knees are bent sideways",
         measure: |posture, shank| sine(down(posture, shank).x.abs()),
         mostly: 0.7,
         ever: Some(0.9),
     },
     Check {
-        segment: Segment::LeftForearm,
+        segments: &[Segment::LeftForearm, Segment::RightForearm],
         said: "the elbows are bent backwards",
         measure: |posture, forearm| sine(down(posture, forearm).y),
         mostly: 0.35,
-        ever: Some(0.55),
+        ever: Some(0.8),
     },
     Check {
-        segment: Segment::LeftThigh,
+        segments: &[Segment::LeftThigh, Segment::RightThigh],
         said: "a thigh is bent backwards",
         measure: |posture, thigh| sine(down(posture, thigh).y),
         mostly: 1.12,
         ever: Some(1.12),
     },
     Check {
-        segment: Segment::LeftFoot,
+        segments: &[Segment::LeftFoot, Segment::RightFoot],
         said: "a foot points backwards",
         measure: |posture, foot| apart(-front(posture, foot).y),
         mostly: 1.93,
         ever: Some(1.93),
     },
     Check {
-        segment: Segment::LeftHand,
+        segments: &[Segment::LeftHand, Segment::RightHand],
         said: "a wrist is bent beyond its range",
         measure: |posture, hand| apart(-down(posture, hand).z),
         mostly: 1.93,
         ever: Some(1.93),
     },
     Check {
-        segment: Segment::Head,
+        segments: &[Segment::Head],
         said: "the head is turned round on the neck",
         measure: |posture, head| apart(-front(posture, head).y),
         mostly: 1.93,
         ever: Some(1.93),
     },
     Check {
-        segment: Segment::Thorax,
+        segments: &[Segment::Thorax],
         said: "the chest is turned round against the pelvis",
         measure: |posture, thorax| {
             let turned =
@@ -125,14 +120,14 @@ const CHECKS: [Check; 10] = [
     },
     // Legs and arms cross less; the distance of hips and shoulders is left out of it.
     Check {
-        segment: Segment::LeftShank,
+        segments: &[Segment::LeftShank],
         said: "the left knee is right of the right knee",
         measure: |posture, shank| crosses(posture, shank),
         mostly: 0.45,
         ever: None,
     },
     Check {
-        segment: Segment::LeftForearm,
+        segments: &[Segment::LeftForearm],
         said: "the left elbow is right of the right elbow",
         measure: |posture, forearm| crosses(posture, forearm),
         mostly: 1.45,
@@ -208,15 +203,16 @@ struct Seen {
 impl Seen {
     /// Takes a posture at a frame and its time (s).
     fn see(&mut self, check: &Check, (index, time): (u64, f64), posture: &Posture<f64>) {
-        let far = sides(check.segment).map(|own| (own, (check.measure)(posture, own)));
-        self.wrong += u64::from(far.iter().any(|(_, far)| *far > check.mostly));
-        for ((segment, far), now) in far.into_iter().zip(&mut self.now) {
+        let mut is_wrong = false;
+        for (segment, now) in check.segments.iter().zip(&mut self.now) {
+            let far = (check.measure)(posture, *segment);
+            is_wrong |= far > check.mostly;
             if check.ever.is_none_or(|ever| far <= ever) {
                 *now = None;
                 continue;
             }
             let run = now.get_or_insert(Beyond {
-                segment,
+                segment: *segment,
                 first: (index, time),
                 last: time,
                 frames: 0,
@@ -229,6 +225,7 @@ impl Seen {
                 self.longest = Some(*run);
             }
         }
+        self.wrong += u64::from(is_wrong);
     }
 
     /// What is wrong in a sentence, in a recording of so many frames that ends with this one at this time (s).
@@ -239,7 +236,8 @@ impl Seen {
                 "{said} in {} of {frames} frames: an axis, a sign, a label or a side is wrong",
                 self.wrong
             );
-            return Some(fault(check.segment, last.0, [0.0, last.1], message));
+            let first = check.segments.first();
+            return first.map(|own| fault(*own, last.0, [0.0, last.1], message));
         }
         let run = self.longest?;
         (run.frames >= LEAST && run.length() >= A_WHILE).then(|| {
