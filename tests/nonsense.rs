@@ -208,14 +208,14 @@ fn persons_that_are_none_are_doubted() {
     let heavy = write("heavy", "subject.toml", "mass_kg = 75.0", "mass_kg = 200");
     let wild = write("wild", "subject.toml", "cl = 1.8", "cl = 100.0");
     let sudden = write("sudden", "subject.toml", "cd = 1.2", "cd = 12.0");
-    let arched = write("arched", "subject.toml", "f_arch = 1.0", "f_arch = 10.0");
+    let arched = write("arched", "subject.toml", "f_arch = \"posture\"", "f_arch = 10.0");
     let windy = write(
         "windy",
         "flight.toml",
         "[air]",
         "[air]\nvelocity = [80, 0, 0]",
     );
-    let thick = write("thick", "flight.toml", "density = 1.0", "density = 1.9");
+    let thick = write("thick", "flight.toml", "density = 1", "density = 1.9");
     let subject = format!("{heavy}/subject.toml");
     for (arguments, sentence) in [
         (&["trim", &subject][..], "is the mass in kg?"),
