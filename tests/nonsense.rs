@@ -208,7 +208,12 @@ fn persons_that_are_none_are_doubted() {
     let heavy = write("heavy", "subject.toml", "mass_kg = 75.0", "mass_kg = 200");
     let wild = write("wild", "subject.toml", "cl = 1.8", "cl = 100.0");
     let sudden = write("sudden", "subject.toml", "cd = 1.2", "cd = 12.0");
-    let arched = write("arched", "subject.toml", "f_arch = \"posture\"", "f_arch = 10.0");
+    let arched = write(
+        "arched",
+        "subject.toml",
+        "f_arch = \"posture\"",
+        "f_arch = 10.0",
+    );
     let windy = write(
         "windy",
         "flight.toml",
