@@ -236,7 +236,7 @@ fn persons_that_are_none_are_doubted() {
             "density is 1.9 kg/m3, expected 0.3 to",
         ),
         (&["trim", "--density", "0.05"], "is not that of a person"),
-        (&["tune", &wild, "--draws", "1"], "the simulation diverges"),
+        (&["tune", &wild, "--draws", "1"], "cl of the subject is 100"),
     ] {
         let (said, ended) = bodyflight(arguments);
         assert_eq!(ended, Some(5), "{arguments:?}: {said}");

@@ -75,7 +75,7 @@ fn sinks(index: usize, frame: &mut Frame, speed: f64) {
     frame.velocity.iter_mut().for_each(|v| v.z -= speed);
 }
 
-pub(super) const BODIES: [Kind; 33] = [
+pub(super) const BODIES: [Kind; 32] = [
     frames("signs of quaternions at random", |index, _, f| {
         for (segment, q) in f.orientation.iter_mut().enumerate() {
             if noise(index, segment) > 0.0 {
@@ -139,12 +139,6 @@ pub(super) const BODIES: [Kind; 33] = [
             }
         });
     }),
-    frames(
-        "pelvis and head exchanged, joints closed",
-        |index, all, f| {
-            closed(index, all, f, |q| q.swap(PELVIS, HEAD));
-        },
-    ),
     frames("head turned round, joints closed", |index, all, f| {
         closed(index, all, f, |q| {
             half_turn(&mut q[HEAD..=HEAD], Vector3::z())
