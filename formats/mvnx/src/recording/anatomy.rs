@@ -23,8 +23,9 @@ fn front(posture: &Posture<f64>, segment: Segment) -> Vector3<f64> {
     posture.parent_from_segment(segment) * -Vector3::y()
 }
 
-fn sine(angle: f64) -> f64 {
-    angle.clamp(-1.0, 1.0).asin()
+/// The angle (rad) to a plane, given its sine.
+fn beyond(sine: f64) -> f64 {
+    sine.clamp(-1.0, 1.0).asin()
 }
 
 /// The angle (rad) between two directions, given its cosine.
@@ -61,28 +62,28 @@ const CHECKS: [Check; 10] = [
         segments: &[Segment::LeftShank, Segment::RightShank],
         said: "the knees are bent forwards",
         // The heel goes backwards, which is dorsal.
-        measure: |posture, shank| sine(-down(posture, shank).y),
+        measure: |posture, shank| beyond(-down(posture, shank).y),
         mostly: 0.2,
         ever: Some(0.8),
     },
     Check {
         segments: &[Segment::LeftShank, Segment::RightShank],
         said: "the knees are bent sideways",
-        measure: |posture, shank| sine(down(posture, shank).x.abs()),
+        measure: |posture, shank| beyond(down(posture, shank).x.abs()),
         mostly: 0.7,
         ever: Some(0.9),
     },
     Check {
         segments: &[Segment::LeftForearm, Segment::RightForearm],
         said: "the elbows are bent backwards",
-        measure: |posture, forearm| sine(down(posture, forearm).y),
+        measure: |posture, forearm| beyond(down(posture, forearm).y),
         mostly: 0.35,
         ever: Some(0.8),
     },
     Check {
         segments: &[Segment::LeftThigh, Segment::RightThigh],
         said: "a thigh is bent backwards",
-        measure: |posture, thigh| sine(down(posture, thigh).y),
+        measure: |posture, thigh| beyond(down(posture, thigh).y),
         mostly: 1.12,
         ever: Some(1.12),
     },
@@ -399,6 +400,16 @@ mod tests {
     fn copied(posture: Posture<f64>) -> Posture<f64> {
         let left = *posture.parent_from_segment(Segment::LeftThigh);
         posture.with(Segment::RightThigh, left)
+    }
+
+    #[test]
+    fn what_nobody_reaches_at_all_is_named_after_a_while() {
+        let knee = turned(Segment::RightShank, [0.0, 0.0, 2.2]);
+        assert_eq!(said(10, &knee), Vec::<String>::new());
+        let said = said(45, &knee);
+        let words = "the knees are bent forwards at r_shank by up to 6";
+        assert!(said.len() == 1 && said[0].starts_with(words), "{said:?}");
+        assert!(said[0].contains(" from 0.000 to 0.440 s"), "{said:?}");
     }
 
     #[test]
