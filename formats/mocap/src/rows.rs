@@ -32,7 +32,7 @@ pub struct Rows {
     /// Length of one unit (m).
     unit_m: f64,
     /// Lengths of the segments that are given by points (m).
-    pub lengths_m: SegmentArray<Option<f64>>,
+    pub lengths_m: Box<SegmentArray<Option<f64>>>,
     /// Faults of single points.
     pub faults: Vec<Fault>,
     /// Points that slipped.
@@ -116,7 +116,7 @@ impl Rows {
             world: mapping.world.axes.0,
             times,
             unit_m,
-            lengths_m: lengths.map(|_, length| length.map(|length| length * unit_m)),
+            lengths_m: Box::new(lengths.map(|_, length| length.map(|length| length * unit_m))),
             faults,
             slips,
             carried: Vec::new(),

@@ -248,7 +248,7 @@ impl Source {
             })?;
         warnings.extend(rows.faults.iter().map(ToString::to_string));
         let (slips, first_s) = (rows.slips.clone(), rows.first_s());
-        let (unit_m, lengths_m) = (rows.unit_m(), rows.lengths_m);
+        let (unit_m, lengths_m) = (rows.unit_m(), *rows.lengths_m);
         if let Some(thigh) = lengths_m[Segment::LeftThigh]
             && !THIGH.contains(&thigh)
         {
