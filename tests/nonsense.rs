@@ -207,11 +207,36 @@ fn persons_that_are_none_are_doubted() {
     };
     let heavy = write("heavy", "subject.toml", "mass_kg = 75.0", "mass_kg = 200");
     let wild = write("wild", "subject.toml", "cl = 1.8", "cl = 100.0");
+    let sudden = write("sudden", "subject.toml", "cd = 1.2", "cd = 12.0");
+    let arched = write(
+        "arched",
+        "subject.toml",
+        "f_arch = \"posture\"",
+        "f_arch = 10.0",
+    );
+    let windy = write(
+        "windy",
+        "flight.toml",
+        "[air]",
+        "[air]\nvelocity = [80, 0, 0]",
+    );
+    let thick = write("thick", "flight.toml", "density = 1", "density = 1.9");
     let subject = format!("{heavy}/subject.toml");
     for (arguments, sentence) in [
         (&["trim", &subject][..], "is the mass in kg?"),
+        (&["trim", &arched], "f_arch of the subject is 10, expected"),
+        (&["simulate", &sudden], "cd of the subject is 12, expected"),
+        (
+            &["simulate", &arched],
+            "f_arch of the subject is 10, expected",
+        ),
+        (&["simulate", &windy], "moves the air sideways at 80 m/s"),
+        (
+            &["estimate", &thick],
+            "density is 1.9 kg/m3, expected 0.3 to",
+        ),
         (&["trim", "--density", "0.05"], "is not that of a person"),
-        (&["tune", &wild, "--draws", "1"], "the simulation diverges"),
+        (&["tune", &wild, "--draws", "1"], "cl of the subject is 100"),
     ] {
         let (said, ended) = bodyflight(arguments);
         assert_eq!(ended, Some(5), "{arguments:?}: {said}");

@@ -15,12 +15,14 @@ mod gravity;
 mod horizontal;
 mod late;
 mod level;
+mod repeated;
 mod step;
 mod vertical;
 
 use crate::Sample;
 pub use compare::{Channel, Finding, Remedy};
 pub use derived::with_velocities;
+use late::Timing;
 use vertical::Vertical;
 
 /// Which quantities a track has.
@@ -86,6 +88,7 @@ pub fn checked(samples: &[Sample], given: Given) -> Checked {
         }
         motion.is_doubted = !gravity::checked(&mut samples, &mut findings);
     } else {
+        let is_once = repeated::checked(&samples, &mut findings);
         let is_timed = clock::checked(&mut samples, Some(given.places), &mut findings);
         frozen::heights(&mut samples, &mut findings);
         motion.has_horizontal = horizontal::checked(&mut samples, given.places, &mut findings);
@@ -95,7 +98,7 @@ pub fn checked(samples: &[Sample], given: Given) -> Checked {
         is_derived = vertical == Vertical::Derived;
         let (moved, is_one_track) = against_time(&mut samples, given.places, &mut findings);
         motion.moved = moved;
-        motion.is_doubted |= !is_one_track;
+        motion.is_doubted |= !is_one_track || !is_once;
     }
     motion.is_doubted |= !level::checked(&samples, &mut findings);
     if is_derived {
@@ -109,7 +112,7 @@ pub fn checked(samples: &[Sample], given: Given) -> Checked {
 }
 
 /// Finds channels that jump, are late or drift, as far as the units are right. Returns the uncertainty of times after that
-/// (s), and whether the heights can be those of one track.
+/// (s), and whether the channels can be those of one track.
 fn against_time(
     samples: &mut [Sample],
     has_places: bool,
@@ -122,16 +125,23 @@ fn against_time(
     };
     let vertical = [Channel::Height, Channel::VerticalVelocity];
     let horizontal = [Channel::Position, Channel::HorizontalVelocity];
-    let (mut moved, mut is_one_track) = (false, true);
+    let mut timings = Vec::new();
+    let mut is_one_track = true;
     if !vertical.iter().any(|of| is_wrong(*of, findings)) {
-        is_one_track = step::checked(samples, findings);
-        moved |= late::checked(samples, &[2], vertical, findings);
+        is_one_track = step::checked(samples, &[2], vertical, findings);
+        timings.push(late::checked(samples, &[2], vertical, findings));
         drift::checked(samples, has_places, findings);
     }
     if has_places && !horizontal.iter().any(|of| is_wrong(*of, findings)) {
-        moved |= late::checked(samples, &[0, 1], horizontal, findings);
+        // A receiver in an aircraft may find its place again and again.
+        let _ = step::checked(samples, &[0, 1], horizontal, findings);
+        timings.push(late::checked(samples, &[0, 1], horizontal, findings));
     }
-    (if moved { late::UNCERTAIN } else { 0.0 }, is_one_track)
+    let is_moved = timings.contains(&Timing::Moved);
+    (
+        if is_moved { late::UNCERTAIN } else { 0.0 },
+        is_one_track && !timings.contains(&Timing::Doubted),
+    )
 }
 
 #[cfg(test)]

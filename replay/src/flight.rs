@@ -12,6 +12,7 @@ use bodyflight_core::frame::Vector;
 use bodyflight_core::tolerances::Tolerances;
 use serde::{Deserialize, Serialize};
 
+use crate::conditions;
 use crate::frames::Frames;
 use crate::input_history::InputHistory;
 use crate::model_file::Effects;
@@ -183,8 +184,14 @@ impl Flight {
     /// Returns an error if a file cannot be used, or the clocks cannot be aligned.
     pub fn open(&self, options: Options) -> Result<Frames> {
         let frames = Frames::open(&self.recording, self.gnss.as_deref(), options)?;
+        let density = match self.density {
+            DensityChoice::Constant(density) => Some(density),
+            DensityChoice::FirstFrameAltitude(_) => None,
+        };
+        let doubts = conditions::doubted(self.air_velocity, density, &self.subject);
         Ok(frames
             .of_person(&self.subject.body(), self.has_subject)
+            .with_doubts(doubts)
             .in_air(self.air_velocity)
             .with_inputs(self.inputs.as_ref().and_then(InputHistory::ends)))
     }

@@ -4,7 +4,7 @@ use std::ops::Deref;
 use std::path::Path;
 
 use bodyflight_core::Body;
-use bodyflight_falls::channels::checked;
+use bodyflight_falls::channels::{Checked, Remedy, checked};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvnx::recording::{FlightFrame, Options, Recording, Warning, faults};
 
@@ -20,6 +20,8 @@ pub struct Frames {
     solutions: Option<Vec<Solution>>,
     /// What the recording says against the person of the flight.
     other_person: Vec<Warning>,
+    /// What is implausible in the files about it: a track, the air, coefficients.
+    of_files: Vec<Warning>,
     support: Support,
     /// Times of the first and the last row of the known inputs (s), if there are several.
     inputs: Option<[f64; 2]>,
@@ -30,6 +32,15 @@ pub struct Frames {
 /// Time by which inputs may be shorter than a flight (s); a filter's estimates come this late.
 const SHORTER: f64 = 1.0;
 
+/// What is said of a receiver's track whose channels contradict each other; it is a fault if they cannot be mended.
+fn said(track: &Checked) -> Vec<Warning> {
+    let said = track.findings.iter().map(|finding| Warning {
+        is_fault: track.motion.is_doubted && finding.remedy == Remedy::Reported,
+        ..Warning::new(0, format!("of the track, {}", finding.sentence))
+    });
+    said.collect()
+}
+
 impl Frames {
     /// Opens a recording. If there is a receiver's track, its clock is first aligned with the recording's.
     ///
@@ -38,12 +49,15 @@ impl Frames {
     pub fn open(recording: &Path, track: Option<&Path>, options: Options) -> Result<Self> {
         let mut frames = Recording::open(recording, options)?;
         let (mut alignment, mut solutions) = (None, None);
+        let mut of_files = Vec::new();
         if let Some(path) = track {
             let track = bodyflight_tracks::read(path)?;
             let all = frames.collect::<Result<Vec<_>>>()?;
             // Channels in other units or without signs would fit no recording.
-            let samples = checked(&track.samples, track.given).samples;
-            let aligned = aligned(&all, &samples).map_err(|problem| problem.in_file(path))?;
+            let checked = checked(&track.samples, track.given);
+            of_files = said(&checked);
+            let aligned =
+                aligned(&all, &checked.samples).map_err(|problem| problem.in_file(path))?;
             alignment = Some(aligned.alignment);
             solutions = Some(aligned.solutions(&track.speed_accuracy, track.given.velocities));
             let velocities = Box::new(move |time| aligned.velocity_at(time));
@@ -54,6 +68,7 @@ impl Frames {
             alignment,
             solutions,
             other_person: Vec::new(),
+            of_files,
             support: Support::default(),
             inputs: None,
             read: None,
@@ -64,6 +79,13 @@ impl Frames {
     #[must_use]
     pub fn of_person(mut self, body: &Body<f64>, stated: bool) -> Self {
         self.other_person = person::compared(self.header(), body, stated);
+        self
+    }
+
+    /// Says what is implausible about the air and the coefficients.
+    #[must_use]
+    pub(crate) fn with_doubts(mut self, doubts: Vec<Warning>) -> Self {
+        self.of_files.extend(doubts);
         self
     }
 
@@ -144,6 +166,7 @@ impl Frames {
     pub fn warnings(&self) -> Vec<Warning> {
         let mut warnings = self.recording.warnings();
         warnings.extend(self.other_person.clone());
+        warnings.extend(self.of_files.clone());
         warnings.extend(self.support.warnings());
         warnings.extend(self.uncovered());
         warnings

@@ -1,6 +1,7 @@
 //! Replays a recorded flight alongside a simulated one.
 
 pub mod comparison;
+pub mod conditions;
 pub mod flight;
 pub mod frames;
 pub mod gnss;

@@ -113,9 +113,78 @@ const LEFT: [(Segment, &str); 2] = [
     (Segment::LeftUpperArm, "shoulder"),
 ];
 
-/// Why nobody is built like a body with its equipment: masses, inertias, centres of gravity or sides of its segments.
+/// Segments of the left side whose lengths, summed, have a ratio to those of others that is within these bounds in everybody.
+type Proportion = (
+    &'static str,
+    &'static [Segment],
+    &'static str,
+    &'static [Segment],
+    core::ops::Range<f64>,
+);
+
+/// People have 0.9 to 1.1, 1.0 to 1.3 and 0.6 to 0.75; joints of other systems are up to some centimetres elsewhere.
+const PROPORTIONS: [Proportion; 3] = [
+    (
+        "thigh",
+        &[Segment::LeftThigh],
+        "shank",
+        &[Segment::LeftShank],
+        0.65..1.5,
+    ),
+    (
+        "upper arm",
+        &[Segment::LeftUpperArm],
+        "forearm",
+        &[Segment::LeftForearm],
+        0.65..1.8,
+    ),
+    (
+        "arm",
+        &[Segment::LeftUpperArm, Segment::LeftForearm],
+        "leg",
+        &[Segment::LeftThigh, Segment::LeftShank],
+        0.45..0.95,
+    ),
+];
+
+/// Lengths of limbs (m) that nobody has beside each other, with the first segment concerned; none are judged that are not
+/// known.
+pub fn disproportionate(length: impl Fn(Segment) -> Option<f64>) -> Option<(Segment, String)> {
+    let sum = |segments: &[Segment], is_right: bool| -> Option<f64> {
+        let own = |segment: &Segment| {
+            length(if is_right {
+                segment.mirrored()
+            } else {
+                *segment
+            })
+        };
+        segments.iter().map(own).sum()
+    };
+    let judged = |(one, ones, other, others, within): &Proportion, is_right: bool| {
+        let [long, short] = [sum(ones, is_right)?, sum(others, is_right)?];
+        let ratio = long / short;
+        let side = if is_right { "right" } else { "left" };
+        let message = format!(
+            "the {side} {one} is {long:.2} m long and the {other} {short:.2} m, a ratio of {ratio:.2}; expected {} to {}: limbs, joints or markers may be exchanged",
+            within.start, within.end
+        );
+        (ratio.is_finite() && !within.contains(&ratio)).then(|| (ones[0], message))
+    };
+    let each = PROPORTIONS
+        .iter()
+        .flat_map(|own| [(own, false), (own, true)]);
+    each.into_iter()
+        .find_map(|(own, is_right)| judged(own, is_right))
+}
+
+/// Why nobody is built like a body with its equipment: masses, lengths, inertias, centres of gravity or sides of its
+/// segments.
 pub fn unlikely(body: &Body<f64>) -> Option<String> {
-    unlikely_mass(body).or_else(|| unlikely_segment(body))
+    let length = |own: Segment| Some(body.segments[own].length);
+    let proportion = disproportionate(length).map(|(_, said)| format!("of the subject, {said}"));
+    unlikely_mass(body)
+        .or(proportion)
+        .or_else(|| unlikely_segment(body))
 }
 
 fn unlikely_segment(body: &Body<f64>) -> Option<String> {
@@ -212,9 +281,23 @@ pub fn compared(header: &Header, body: &Body<f64>, stated: bool) -> Vec<Warning>
             format!("the limbs of the recorded person are {ratio:.2} times as long as {whose}");
         remark(message, stated)
     });
+    let recorded = |own: Segment| {
+        let (pair, sides) = bones
+            .as_ref()?
+            .iter()
+            .find(|(pair, _)| pair.contains(&own))?;
+        Some(sides[usize::from(pair[1] == own)][0])
+    };
+    let odd = disproportionate(recorded).map(|(segment, said)| Warning {
+        segment: Some(segment.name().to_owned()),
+        ..remark(format!("of the recorded person, {said}"), true)
+    });
     let unlikely = unlikely(body).filter(|_| stated);
     let unlikely = unlikely.map(|message| remark(message, true));
-    other.into_iter().chain(uneven).chain(unlikely).collect()
+    (other.into_iter().chain(odd))
+        .chain(uneven)
+        .chain(unlikely)
+        .collect()
 }
 
 #[cfg(test)]
@@ -276,6 +359,28 @@ mod tests {
         ] {
             assert!(said.contains(words), "{words}: {said}");
         }
+    }
+
+    #[test]
+    fn limbs_that_nobody_has_beside_each_other_are_named() {
+        let body = Subject::default().body();
+        let mut exchanged = body;
+        for (arm, leg) in [
+            (Segment::LeftUpperArm, Segment::LeftThigh),
+            (Segment::LeftForearm, Segment::LeftShank),
+        ] {
+            exchanged.segments[arm].length = body.segments[leg].length;
+            exchanged.segments[leg].length = body.segments[arm].length;
+        }
+        let said = compared(&header(&exchanged), &body, false);
+        let words = "of the recorded person, the left arm is 0.";
+        let is_said = |said: &Warning| said.is_fault && said.message.contains(words);
+        assert!(said.iter().any(is_said), "{said:?}");
+        assert!(
+            unlikely(&exchanged)
+                .unwrap()
+                .contains("of the subject, the left arm is")
+        );
     }
 
     #[test]

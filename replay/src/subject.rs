@@ -226,6 +226,14 @@ impl Subject {
         }
     }
 
+    /// The factor on the drag, if it is a number and does not follow from the posture.
+    pub(crate) fn fixed_arch(&self) -> Option<f64> {
+        match self.file.coefficients.f_arch {
+            ArchChoice::Fixed(factor) => Some(factor),
+            ArchChoice::Named(ArchName::Posture) => None,
+        }
+    }
+
     /// Returns the same person with the drag, lift and moment coefficients of all segments multiplied by `factors`.
     #[must_use]
     pub fn with_coefficients_times(mut self, factors: [f64; 3]) -> Self {

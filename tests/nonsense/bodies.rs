@@ -12,6 +12,7 @@ const PARENTS: [usize; 23] = [
 ];
 const PELVIS: usize = 0;
 const HEAD: usize = 6;
+const LEFT_UPPER_ARM: usize = 12;
 const RIGHT_THIGH: usize = 15;
 const RIGHT_SHANK: usize = 16;
 const RIGHT_FOOT: usize = 17;
@@ -46,6 +47,27 @@ fn half_turn(of: &mut [[f64; 4]], axis: Vector3<f64>) {
     }
 }
 
+/// Turns a limb against the segment at which it hangs, and brings it back within a second.
+fn bent(
+    index: usize,
+    of: &mut [[f64; 4]],
+    parent: usize,
+    limb: core::ops::Range<usize>,
+    turn: Vector3<f64>,
+) {
+    let share = (std::f64::consts::PI * (index as f64 - 960.0) / 240.0).sin();
+    if !(960..1200).contains(&index) {
+        return;
+    }
+    // At the middle of the second, the joint has this rotation alone.
+    let (upper, own) = (rotation(of[parent]), rotation(of[limb.start]));
+    let there = upper * UnitQuaternion::from_scaled_axis(turn);
+    let moved = own.slerp(&there, share) * own.inverse();
+    for q in &mut of[limb] {
+        *q = numbers(moved * rotation(*q));
+    }
+}
+
 /// Moves a body at rest with this velocity down (m/s).
 fn sinks(index: usize, frame: &mut Frame, speed: f64) {
     let time = index as f64 / 240.0;
@@ -53,7 +75,7 @@ fn sinks(index: usize, frame: &mut Frame, speed: f64) {
     frame.velocity.iter_mut().for_each(|v| v.z -= speed);
 }
 
-pub(super) const BODIES: [Kind; 29] = [
+pub(super) const BODIES: [Kind; 32] = [
     frames("signs of quaternions at random", |index, _, f| {
         for (segment, q) in f.orientation.iter_mut().enumerate() {
             if noise(index, segment) > 0.0 {
@@ -92,6 +114,28 @@ pub(super) const BODIES: [Kind; 29] = [
             let bend = thigh.inverse() * rotation(q[RIGHT_SHANK]);
             for own in &mut q[RIGHT_SHANK..RIGHT_THIGH + LEG] {
                 *own = numbers(thigh * (bend * bend).inverse() * thigh.inverse() * rotation(*own));
+            }
+        });
+    }),
+    frames("elbow bent backwards for a second", |index, all, f| {
+        closed(index, all, f, |q| {
+            let arm = RIGHT_FOREARM..RIGHT_FOREARM + 2;
+            bent(index, q, RIGHT_FOREARM - 1, arm, Vector3::z() * -1.3);
+        });
+    }),
+    frames("knee bent forwards for a second", |index, all, f| {
+        closed(index, all, f, |q| {
+            let leg = RIGHT_SHANK..RIGHT_THIGH + LEG;
+            bent(index, q, RIGHT_THIGH, leg, Vector3::y() * -1.3);
+        });
+    }),
+    frames("arms and legs exchanged, joints closed", |index, all, f| {
+        closed(index, all, f, |q| {
+            for (arm, leg) in [
+                (RIGHT_FOREARM - 1, RIGHT_THIGH),
+                (LEFT_UPPER_ARM, LEFT_THIGH),
+            ] {
+                (0..3).for_each(|at| q.swap(arm + at, leg + at));
             }
         });
     }),

@@ -86,7 +86,7 @@ fn stiff(frame: &mut Frame, all: &[Frame], from: usize) {
     frame.orientation[RIGHT_FOREARM] = numbers(&turned);
 }
 
-pub(super) const MIXED: [Kind; 41] = [
+pub(super) const MIXED: [Kind; 42] = [
     frames("one forearm turned as the other", |_, _, f| {
         f.orientation.swap(RIGHT_FOREARM, LEFT_FOREARM);
     }),
@@ -220,6 +220,9 @@ pub(super) const MIXED: [Kind; 41] = [
     frames("frame times that stand", |_, _, f| timed(f, |_| 0.0)),
     frames("accelerations of 10^5 m/s2", |_, _, f| {
         f.acceleration.fill(Vector3::repeat(1e5));
+    }),
+    frames("accelerations of 10^6 m/s2", |_, _, f| {
+        f.acceleration.fill(Vector3::repeat(1e6));
     }),
     frames("rates of an arm empty", |_, _, f| {
         scale(&mut f.rate[LEFT_ARM], 0.0)

@@ -54,7 +54,7 @@ fn during(rows: &[Row], heights: core::ops::Range<f64>) -> core::ops::Range<usiz
     first.unwrap_or(0)..last.map_or(0, |last| last + 1)
 }
 
-pub(super) const KINDS: [Kind; 28] = [
+pub(super) const KINDS: [Kind; 31] = [
     kind("nothing", |rows| rows),
     kind("heights in feet", |rows| {
         each(rows, |_, row| row.height /= 0.3048)
@@ -76,6 +76,31 @@ pub(super) const KINDS: [Kind; 28] = [
     }),
     kind("heights empty", |rows| {
         each(rows, |_, row| row.height = 0.0)
+    }),
+    kind("velocities 7 s late", |rows| {
+        let sound = rows.clone();
+        each(rows, |index, row| {
+            row.velocity = sound[index.saturating_sub(35)].velocity;
+        })
+    }),
+    kind("positions jump by 400 m", |rows| {
+        let fall = during(&rows, 2000.0..2500.0);
+        each(rows, |index, row| {
+            row.latitude += if index > fall.start { 0.0036 } else { 0.0 }
+        })
+    }),
+    kind("ten seconds of the fall twice", |rows| {
+        let start = during(&rows, 2000.0..2500.0).start;
+        let sound = rows.clone();
+        each(rows, |index, row| {
+            if (start..start + 50).contains(&index) {
+                let time = row.time;
+                *row = Row {
+                    time,
+                    ..sound[index - 50]
+                };
+            }
+        })
     }),
     kind("heights jump by 300 m", |rows| {
         let fall = during(&rows, 2000.0..2500.0);

@@ -65,6 +65,14 @@ fn the_desk_flies_a_sensors_bytes_and_writes_what_a_log_would_hold() {
         let same = found["last"]["velocity_mps"][column].as_f64();
         assert!((part - same.expect("a number")).abs() < 1e-4);
     }
+    // A sensor that says the same again and again is no flight.
+    let first = std::fs::read(&bytes).expect("bytes");
+    let first = &first[..5 + usize::from(first[3])];
+    let frozen = folder.path().join("frozen.bin");
+    std::fs::write(&frozen, first.repeat(1000)).expect("written");
+    let frozen = frozen.display().to_string();
+    let said = refused(&[&flight, "--sensor", &frozen, "--rate", "240"], 5);
+    assert!(said.contains("no estimate comes of "), "{said}");
     // The same bytes always give the same estimates.
     let again = report(&alone(&[&flight, "--sensor", &bytes, "--rate", "240"]));
     assert_eq!(again["last"], found["last"]);

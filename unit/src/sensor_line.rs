@@ -313,7 +313,6 @@ impl SensorReport {
         let doubtful = count(unsure, settled);
         let other = count(EstimateFlags::all(), settled | unsure);
         let wrong_rate = count(EstimateFlags::RATE, EstimateFlags::empty());
-        let flying = all - supported;
         let mut report = Self {
             bytes,
             flight_s: flight.duration(),
@@ -326,9 +325,9 @@ impl SensorReport {
             estimates: all as u64,
             estimates_bad: status.estimates_bad,
             supported: share(supported, all),
-            consistent: share(other, flying),
-            doubtful: share(doubtful, flying),
-            lost: share(lost, flying),
+            consistent: share(other, all - supported),
+            doubtful: share(doubtful, all - supported),
+            lost: share(lost, all - supported),
             last: flight
                 .estimates()
                 .last()
@@ -340,17 +339,18 @@ impl SensorReport {
         let sent = report.used + report.rejected + report.missing;
         let sent_hz = f64::from(sent.saturating_sub(1)) / report.flight_s;
         let is_wrong = (sent_hz / rate - 1.0).abs() > RATE_TOLERANCE;
-        report.doubt = if is_wrong || share(wrong_rate, all) > LARGEST_DOUBT {
+        report.doubt = if all == 0 {
+            Some(format!("no estimate comes of {sent} samples of the sensor"))
+        } else if is_wrong || share(wrong_rate, all) > LARGEST_DOUBT {
             Some(format!(
                 "the sensor sends {sent_hz:.1} samples a second, and {rate:.1} are configured"
             ))
         } else if lost_s > LONGEST_LOST {
             Some(format!("the estimates are lost for {lost_s:.1} s"))
-        } else if report.doubtful > LARGEST_DOUBT {
-            let share = 100.0 * report.doubtful;
-            Some(format!("{share:.0} % of the estimates are doubtful"))
         } else {
-            None
+            let share = 100.0 * report.doubtful;
+            (report.doubtful > LARGEST_DOUBT)
+                .then(|| format!("{share:.0} % of the estimates are doubtful"))
         };
         report
     }

@@ -20,6 +20,7 @@ use bodyflight_mocap::source::Source;
 use bodyflight_mvnx::recording::{FlightFrame, Options, PelvisMotion, Warning};
 use bodyflight_mvnx::writer::{Description, Origin, Writer};
 use bodyflight_replay::frames::Frames;
+use bodyflight_replay::person::disproportionate;
 use bodyflight_replay::subject::{SEGMENTS_FILE, Subject};
 
 use crate::inspect::activity::Activities;
@@ -371,13 +372,17 @@ fn warnings(
     }
     warnings.extend(no_subject(request.has_subject, request.subject));
     let own = request.subject.body().segments[Segment::LeftThigh].length;
-    if let Some(thigh) = source.thigh_m
+    if let Some(thigh) = source.lengths_m[Segment::LeftThigh]
         && ((thigh / own) - 1.0).abs() > THIGH
     {
         let said = format!(
             "the thigh of the source is {thigh:.3} m long, that of the subject {own:.3} m: is it the same person?"
         );
         doubts.extend(request.has_subject.then(|| said.clone()));
+        warnings.push(said);
+    }
+    if let Some((_, said)) = disproportionate(|segment| source.lengths_m[segment]) {
+        doubts.push(said.clone());
         warnings.push(said);
     }
     (warnings, doubts)

@@ -9,8 +9,8 @@ use serde::Serialize;
 
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::{DensityChoice, Flight};
-use bodyflight_replay::person;
 use bodyflight_replay::subject::Subject;
+use bodyflight_replay::{conditions, person};
 
 /// A steady fall.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -34,9 +34,9 @@ pub struct Report {
 const SPEEDS: core::ops::RangeInclusive<f64> = 30.0..=90.0;
 
 /// Why a steady fall is not that of a person.
-fn doubt(body: &Body<f64>, speed: f64, stiffness: f64) -> Option<String> {
-    let mass = person::unlikely(body);
-    mass.or_else(|| {
+fn doubt(subject: &Subject, body: &Body<f64>, speed: f64, stiffness: f64) -> Option<String> {
+    let person = person::unlikely(body).or_else(|| conditions::coefficients(subject));
+    person.or_else(|| {
         (!SPEEDS.contains(&speed)).then(|| {
             format!(
                 "a steady fall at {speed:.1} m/s is not that of a person, expected {} to {} m/s: mass, areas or density are wrong",
@@ -78,6 +78,11 @@ pub fn trim(subject: &Subject, density: f64) -> Result<Report> {
         knee_deg: trim.knee.to_degrees(),
         pitch_stiffness_nm_per_rad: trim.pitch_stiffness,
         mass_kg: dynamics.body.mass(),
-        doubt: doubt(&dynamics.body, trim.terminal_speed, trim.pitch_stiffness),
+        doubt: doubt(
+            subject,
+            &dynamics.body,
+            trim.terminal_speed,
+            trim.pitch_stiffness,
+        ),
     })
 }

@@ -15,6 +15,12 @@ const STEPS: i32 = 40;
 const LAGS: f64 = STEP * STEPS as f64;
 const LATE: f64 = 0.8;
 
+/// The same for lags that no filter or queue makes, and the misfit (m, root mean square) from which on they are sought.
+const FAR_STEP: f64 = 0.5;
+const FAR_STEPS: i32 = 60;
+const FAR_EVERY: f64 = 1.0;
+const FAR_MISFIT: f64 = 1.5;
+
 /// Least time between the displacements that are compared (s).
 const EVERY: f64 = 0.2;
 
@@ -124,22 +130,44 @@ impl<'a> Axis<'a> {
 /// Uncertainty of times after a channel was moved (s): lags of different channels of one logger differ by as much.
 pub(super) const UNCERTAIN: f64 = 0.4;
 
-/// Finds the lag of the velocities along some axes behind the positions, and moves the later of both back. Returns
-/// whether one was moved.
+/// What was found of a channel's time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Timing {
+    /// It is right, as far as the motion shows.
+    Right,
+    /// The later channel was moved back.
+    Moved,
+    /// The channels are of different times, and it is not known which of them is wrong.
+    Doubted,
+}
+
+/// Finds the lag of the velocities along some axes behind the positions, and moves the later of both back, if a logger can
+/// be so late.
 pub(super) fn checked(
     samples: &mut [Sample],
     axes: &[usize],
     [places, velocities]: [Channel; 2],
     findings: &mut Vec<Finding>,
-) -> bool {
+) -> Timing {
     let Some(lag) = lag(samples, axes) else {
-        return false;
+        return Timing::Right;
     };
     let (late, name, other) = if lag > 0.0 {
         (velocities, velocities.name(), places.name())
     } else {
         (places, places.name(), velocities.name())
     };
+    if lag.abs() > LAGS {
+        findings.push(Finding {
+            channel: late,
+            remedy: Remedy::Reported,
+            sentence: format!(
+                "the {name} are {:.1} s later than the {other}, which no logger is: one of them is of another time",
+                lag.abs()
+            ),
+        });
+        return Timing::Doubted;
+    }
     let gap = longest_step(samples);
     let times: Vec<f64> = samples.iter().map(|sample| sample.time).collect();
     for &axis in axes {
@@ -172,10 +200,10 @@ pub(super) fn checked(
             lag.abs()
         ),
     });
-    true
+    Timing::Moved
 }
 
-/// The lag (s) that the motion shows clearly.
+/// The lag (s) that the motion shows clearly, beyond [`LAGS`] if one there explains what no shorter one does.
 fn lag(samples: &[Sample], axes: &[usize]) -> Option<f64> {
     let times: Vec<f64> = samples.iter().map(|sample| sample.time).collect();
     let lines: Vec<(Axis<'_>, Vec<f64>)> = axes
@@ -186,39 +214,70 @@ fn lag(samples: &[Sample], axes: &[usize]) -> Option<f64> {
             (line, changes)
         })
         .collect();
-    // A late velocity changes late: all times within the lags around are compared.
-    let near: Vec<Vec<f64>> = lines
-        .iter()
-        .map(|(line, changes)| {
+    let near = Tried::new(&lines, STEP, STEPS, EVERY);
+    if let Some(lag) = near.best() {
+        return (lag.abs() >= LATE).then_some(lag);
+    }
+    let far = Tried::new(&lines, FAR_STEP, FAR_STEPS, FAR_EVERY);
+    let is_apart = far.misfit(0.0)? > FAR_MISFIT * FAR_MISFIT;
+    let lag = is_apart.then(|| far.best()).flatten()?;
+    (lag.abs() > LAGS).then_some(lag)
+}
+
+/// Lags that are tried.
+struct Tried<'a> {
+    lines: &'a [(Axis<'a>, Vec<f64>)],
+    /// Times at which each axis is compared (s).
+    times: Vec<Vec<f64>>,
+    step: f64,
+    steps: i32,
+}
+
+impl<'a> Tried<'a> {
+    /// Lags in steps (s), as many to either side, compared at times that are so far apart (s).
+    fn new(lines: &'a [(Axis<'a>, Vec<f64>)], step: f64, steps: i32, every: f64) -> Self {
+        let within = step * f64::from(steps);
+        // A late velocity changes late: all times within the lags around are compared.
+        let near = |(line, changes): &(Axis<'_>, Vec<f64>)| {
             let is_near = |time: &f64| {
-                let next = changes.partition_point(|other| *other < *time - LAGS);
+                let next = changes.partition_point(|other| *other < *time - within);
                 changes
                     .get(next)
-                    .is_some_and(|other| *other <= *time + LAGS)
+                    .is_some_and(|other| *other <= *time + within)
             };
             let mut near: Vec<f64> = line.places.times.iter().copied().filter(is_near).collect();
-            near.dedup_by(|time, before| *time - *before < EVERY);
+            near.dedup_by(|time, before| *time - *before < every);
             near
-        })
-        .collect();
-    let misfit = |lag: f64| {
+        };
+        Self {
+            lines,
+            times: lines.iter().map(near).collect(),
+            step,
+            steps,
+        }
+    }
+
+    /// Mean square of what a lag (s) leaves (m2); `None` if there is too little to compare.
+    fn misfit(&self, lag: f64) -> Option<f64> {
         let (mut squares, mut count) = (0.0, 0);
-        for ((line, _), times) in lines.iter().zip(&near) {
+        for ((line, _), times) in self.lines.iter().zip(&self.times) {
             let own = line.misfit(times, lag);
             squares += own.0;
             count += own.1;
         }
         (count >= FEWEST).then(|| squares / count as f64)
-    };
-    let tried: Vec<(f64, f64)> = (-STEPS..=STEPS)
-        .filter_map(|step| {
-            let lag = f64::from(step) * STEP;
-            Some((lag, misfit(lag)?))
-        })
-        .collect();
-    let (lag, least) = (tried.iter().copied()).min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let is_inside = lag.abs() < LAGS - 0.5 * STEP;
-    (is_inside && lag.abs() >= LATE && least < LEFT * misfit(0.0)?).then_some(lag)
+    }
+
+    /// The lag (s) that leaves the least, if it leaves much less than none does and is within those tried.
+    fn best(&self) -> Option<f64> {
+        let each = (-self.steps..=self.steps).filter_map(|step| {
+            let lag = f64::from(step) * self.step;
+            Some((lag, self.misfit(lag)?))
+        });
+        let (lag, least) = each.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let is_inside = lag.abs() < (f64::from(self.steps) - 0.5) * self.step;
+        (is_inside && least < LEFT * self.misfit(0.0)?).then_some(lag)
+    }
 }
 
 #[cfg(test)]

@@ -1,16 +1,19 @@
-//! Heights that jump from one row to the next and stay there, while the vertical velocities do not.
+//! Heights, or positions, that jump from one row to the next and stay there, while their velocities do not.
+
+use nalgebra::Vector3;
 
 use super::compare::{Channel, Finding, Remedy, displacements};
 use crate::{Sample, between, longest_step, median};
 
-/// Smallest jump (m): heights of receivers wander by less.
+/// Smallest jump of heights and of positions (m): those of receivers wander by less.
 const JUMPS: f64 = 25.0;
+const JUMPS_ACROSS: f64 = 60.0;
 
 /// Time on either side over which heights must stay (s), and fewest rows in it.
 const STAYS: f64 = 3.0;
 const FEWEST: usize = 4;
 
-/// Largest scatter of the heights on either side, as a fraction of the jump.
+/// Largest scatter on either side, as a fraction of the jump.
 const SCATTER: f64 = 0.2;
 
 /// Jumps beyond which a receiver has not merely found another height a few times.
@@ -19,38 +22,33 @@ const MOST: usize = 4;
 /// Share of rows that leap, whether or not they stay there, above which they are not one track.
 const LEAPS: f64 = 0.05;
 
-/// Moves the heights before each jump so that they meet those after it, which end on the ground. Returns whether the
-/// heights can be trusted: those of two tracks in one file jump to and fro.
-pub(super) fn checked(samples: &mut [Sample], findings: &mut Vec<Finding>) -> bool {
+/// Moves the rows before each jump along some axes so that they meet those after it, which end on the ground. Returns
+/// whether the channel can be trusted: those of two tracks in one file jump to and fro.
+pub(super) fn checked(
+    samples: &mut [Sample],
+    axes: &[usize],
+    [places, velocities]: [Channel; 2],
+    findings: &mut Vec<Finding>,
+) -> bool {
+    let least = match places {
+        Channel::Height => JUMPS,
+        _ => JUMPS_ACROSS,
+    };
+    let left = without_velocities(samples, axes);
     let gap = longest_step(samples);
-    let displacements = displacements(samples, 2, gap);
-    let left: Vec<Sample> = samples
-        .iter()
-        .zip(displacements)
-        .map(|(sample, displacement)| {
-            let mut left = *sample;
-            left.position.z -= displacement;
-            left
-        })
-        .collect();
     let mut jumps = Vec::new();
     let mut leaps = Vec::new();
     for index in 1..left.len() {
         let [before, after] = [left[index - 1], left[index]];
-        let jump = after.height() - before.height();
-        if jump.abs() <= JUMPS || after.time - before.time > gap {
+        let jump = after.position - before.position;
+        let size = jump.norm();
+        if size <= least || after.time - before.time > gap {
             continue;
         }
         leaps.push((index, jump));
-        if stays(
-            between(&left, [before.time - STAYS, before.time]),
-            before.height(),
-            jump,
-        ) && stays(
-            between(&left, [after.time, after.time + STAYS]),
-            after.height(),
-            jump,
-        ) {
+        let earlier = between(&left, [before.time - STAYS, before.time]);
+        let later = between(&left, [after.time, after.time + STAYS]);
+        if stays(earlier, &before, size) && stays(later, &after, size) {
             jumps.push((index, jump));
         }
     }
@@ -62,12 +60,12 @@ pub(super) fn checked(samples: &mut [Sample], findings: &mut Vec<Finding>) -> bo
     let is_trusted = jumps.len() <= MOST;
     for (index, jump) in jumps.iter().filter(|_| is_trusted) {
         for sample in &mut samples[..*index] {
-            sample.position.z += jump;
+            sample.position += jump;
         }
     }
     let largest = jumps
         .iter()
-        .max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()));
+        .max_by(|(_, a), (_, b)| a.norm().total_cmp(&b.norm()));
     let (Some((index, jump)), Some(first)) = (largest, samples.first()) else {
         return true;
     };
@@ -80,23 +78,48 @@ pub(super) fn checked(samples: &mut [Sample], findings: &mut Vec<Finding>) -> bo
         1 => String::new(),
         count => format!(", the largest of {count} jumps"),
     };
+    // Heights jump up or down, positions anywhere.
+    let by = match axes {
+        [axis] => jump[*axis],
+        _ => jump.norm(),
+    };
     findings.push(Finding {
-        channel: Channel::Height,
+        channel: places,
         remedy: if is_trusted {
             Remedy::Converted
         } else {
             Remedy::Reported
         },
         sentence: format!(
-            "the heights jump by {jump:.0} m at {:.1} s{times}, and the vertical velocities do not: {then}",
-            samples[*index].time - first.time
+            "the {} jump by {by:.0} m at {:.1} s{times}, and the {} do not: {then}",
+            places.name(),
+            samples[*index].time - first.time,
+            velocities.name()
         ),
     });
     is_trusted
 }
 
-/// Whether the rows lie around a height, up to a fraction of the jump.
-fn stays(rows: &[Sample], height: f64, jump: f64) -> bool {
-    let apart = rows.iter().map(|row| (row.height() - height).abs());
-    rows.len() >= FEWEST && median(apart).is_some_and(|apart| apart < SCATTER * jump.abs())
+/// The samples with positions along some axes alone, less what the velocities explain.
+fn without_velocities(samples: &[Sample], axes: &[usize]) -> Vec<Sample> {
+    let gap = longest_step(samples);
+    let mut left = samples.to_vec();
+    for sample in &mut left {
+        sample.position = Vector3::zeros();
+    }
+    for &axis in axes {
+        let displacements = displacements(samples, axis, gap);
+        for ((left, sample), displacement) in left.iter_mut().zip(samples).zip(displacements) {
+            left.position[axis] = sample.position[axis] - displacement;
+        }
+    }
+    left
+}
+
+/// Whether the rows lie around a place, up to a fraction of a jump of this size (m).
+fn stays(rows: &[Sample], place: &Sample, size: f64) -> bool {
+    let apart = rows
+        .iter()
+        .map(|row| (row.position - place.position).norm());
+    rows.len() >= FEWEST && median(apart).is_some_and(|apart| apart < SCATTER * size)
 }

@@ -183,3 +183,73 @@ fn heights_alone_have_no_horizontal_motion() {
     let checked = checked(&jump(&Jump::default()), given);
     assert!(!checked.motion.has_horizontal);
 }
+
+/// Two channels of a logger that are further apart than any delay are of different times, and which of them is wrong is not known.
+#[test]
+fn channels_that_are_later_than_any_logger_are_doubted() {
+    for (late, name, other) in [
+        (7.0, "vertical velocities", "heights"),
+        (20.0, "vertical velocities", "heights"),
+        (-12.0, "heights", "vertical velocities"),
+    ] {
+        let flown = jump(&Jump::default());
+        let at = |time: f64| {
+            let next = flown.partition_point(|sample| sample.time < time);
+            flown[next.min(flown.len() - 1)]
+        };
+        let shifted = |sample: &Sample| {
+            let [place, velocity] =
+                [f64::min(late, 0.0), -f64::max(late, 0.0)].map(|by| at(sample.time + by));
+            Sample {
+                position: place.position,
+                velocity: velocity.velocity,
+                ..*sample
+            }
+        };
+        let samples: Vec<Sample> = flown.iter().map(shifted).collect();
+        let checked = checked(&samples, GIVEN);
+        assert!(checked.motion.is_doubted, "{:?}", checked.findings);
+        let said = format!("the {name} are {:.1} s later than the {other}", late.abs());
+        let is_said = |finding: &Finding| finding.sentence.contains(&said);
+        assert!(
+            checked.findings.iter().any(is_said),
+            "{said}: {:?}",
+            checked.findings
+        );
+    }
+}
+
+#[test]
+fn positions_that_jump_are_joined() {
+    let (checked, flown) = changed(|sample| {
+        sample.position.x += if sample.time > 60.0 { 400.0 } else { 0.0 };
+    });
+    assert_mended(&checked, &flown, Channel::Position, Remedy::Converted);
+    let sentence = &checked.findings[0].sentence;
+    assert!(sentence.starts_with("the positions jump by "), "{sentence}");
+    let first = checked.samples[0].position - flown[0].position;
+    assert!((first.x - 400.0).abs() < 15.0, "{first}");
+}
+
+#[test]
+fn rows_that_come_again_are_doubted() {
+    let flown = jump(&Jump::default());
+    let mut samples = flown.clone();
+    let from = samples.partition_point(|sample| sample.time < 30.0);
+    let rows = samples.partition_point(|sample| sample.time < 40.0) - from;
+    for place in from..from + rows {
+        samples[place + rows] = Sample {
+            time: flown[place + rows].time,
+            ..flown[place]
+        };
+    }
+    let checked = checked(&samples, GIVEN);
+    assert!(checked.motion.is_doubted);
+    let said = "s are those from 30.0 s again";
+    let is_said = |finding: &Finding| finding.sentence.contains(said);
+    assert!(
+        checked.findings.iter().any(is_said),
+        "{:?}",
+        checked.findings
+    );
+}

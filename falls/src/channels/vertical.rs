@@ -70,7 +70,9 @@ pub(super) fn checked(samples: &mut [Sample], findings: &mut Vec<Finding>) -> Ve
     // In a fall that gathers speed, a late channel looks like one with another scale.
     if ratio.is_some_and(|ratio| (1.0 / ALMOST..ALMOST).contains(&ratio) && !is_alike(ratio, 1.0)) {
         let vertical = [Channel::Height, Channel::VerticalVelocity];
-        late::checked(samples, &[2], vertical, findings);
+        if late::checked(samples, &[2], vertical, findings) == late::Timing::Doubted {
+            return Vertical::Doubted;
+        }
         ratio = self::ratio(&self::pairs(samples));
     }
     let Some(ratio) = ratio.filter(|_| follows(by_velocity, by_height)) else {

@@ -31,8 +31,8 @@ pub struct Rows {
     times: Vec<f64>,
     /// Length of one unit (m).
     unit_m: f64,
-    /// Length of the left thigh (m), if it is given by points.
-    pub thigh_m: Option<f64>,
+    /// Lengths of the segments that are given by points (m).
+    pub lengths_m: Box<SegmentArray<Option<f64>>>,
     /// Faults of single points.
     pub faults: Vec<Fault>,
     /// Points that slipped.
@@ -75,8 +75,8 @@ impl Rows {
                 })
             })
             .collect();
-        let thigh = thigh(&table, &links);
-        let unit_m = unit_m(thigh)?;
+        let lengths = lengths(&table, &links);
+        let unit_m = unit_m(lengths[Segment::LeftThigh])?;
         let (faults, slips) = repaired(&mut table, &links, &times, unit_m);
         let used: Vec<usize> = (links.iter().flat_map(Link::columns))
             .chain(position.iter().flat_map(|(columns, _)| *columns))
@@ -116,7 +116,7 @@ impl Rows {
             world: mapping.world.axes.0,
             times,
             unit_m,
-            thigh_m: thigh.map(|thigh| thigh * unit_m),
+            lengths_m: Box::new(lengths.map(|_, length| length.map(|length| length * unit_m))),
             faults,
             slips,
             carried: Vec::new(),
@@ -285,20 +285,21 @@ fn too_few(found: usize, faults: &[Fault]) -> Problem {
     }
 }
 
-/// Length of the left thigh (units of the file), if it is given by points: the median over all rows.
-fn thigh(table: &Table, links: &[Link]) -> Option<f64> {
-    let of_thigh = |link: &Link| match &link.turn {
-        Turn::Points(ends) if link.segment == Some(Segment::LeftThigh) => {
-            Some([ends.from.clone(), ends.to.clone()])
-        }
-        _ => None,
-    };
-    let [from, to] = links.iter().find_map(of_thigh)?;
-    let length = |row: usize| (middle(table, row, &to) - middle(table, row, &from)).norm();
-    let lengths = (0..table.rows()).map(length);
-    let mut lengths: Vec<f64> = lengths.filter(|length| *length > 0.0).collect();
-    lengths.sort_by(f64::total_cmp);
-    lengths.get(lengths.len() / 2).copied()
+/// Lengths of the segments that are given by points (units of the file): the medians over all rows.
+fn lengths(table: &Table, links: &[Link]) -> SegmentArray<Option<f64>> {
+    let mut all = SegmentArray::from_fn(|_| None);
+    for link in links {
+        let (Turn::Points(ends), Some(segment)) = (&link.turn, link.segment) else {
+            continue;
+        };
+        let length =
+            |row: usize| (middle(table, row, &ends.to) - middle(table, row, &ends.from)).norm();
+        let lengths = (0..table.rows()).map(length);
+        let mut lengths: Vec<f64> = lengths.filter(|length| *length > 0.0).collect();
+        lengths.sort_by(f64::total_cmp);
+        all[segment] = lengths.get(lengths.len() / 2).copied();
+    }
+    all
 }
 
 /// Repairs the points of all links.

@@ -58,8 +58,8 @@ pub struct Source {
     pub unit_m: f64,
     /// Rows that were skipped because of an empty cell.
     pub skipped: usize,
-    /// Length of a thigh (m), if the source has it.
-    pub thigh_m: Option<f64>,
+    /// Lengths of the segments (m) that the source has.
+    pub lengths_m: SegmentArray<Option<f64>>,
     /// Suspicious findings that do not prevent the import.
     pub warnings: Vec<String>,
     /// Time of its first frame in the file (s).
@@ -201,12 +201,14 @@ impl Source {
                 "frame 0 is a rest posture from which the motion jumps: it was left out".to_owned(),
             );
         }
-        let thigh = bvh_thigh(&bvh, &joints);
+        let lengths = bone_lengths(&bvh, &joints);
+        let thigh = lengths[Segment::LeftThigh].unwrap_or(0.0);
         let unit_m = match mapping.world.unit_m {
             Some(unit_m) if !has_lengths => unit_m,
             said => unit(thigh, said, &mut warnings)?,
         };
-        let thigh = has_lengths.then_some(thigh * unit_m);
+        let lengths_m =
+            lengths.map(|_, length| length.filter(|_| has_lengths).map(|own| own * unit_m));
         let timing = Timing {
             rate: bvh.rate,
             indices: (0..bvh.frames() as u64).collect(),
@@ -218,7 +220,7 @@ impl Source {
             timing,
             unit_m,
             skipped: 0,
-            thigh_m: thigh,
+            lengths_m,
             warnings,
             first_s: 0.0,
             slips: Vec::new(),
@@ -246,8 +248,8 @@ impl Source {
             })?;
         warnings.extend(rows.faults.iter().map(ToString::to_string));
         let (slips, first_s) = (rows.slips.clone(), rows.first_s());
-        let (unit_m, thigh_m) = (rows.unit_m(), rows.thigh_m);
-        if let Some(thigh) = thigh_m
+        let (unit_m, lengths_m) = (rows.unit_m(), *rows.lengths_m);
+        if let Some(thigh) = lengths_m[Segment::LeftThigh]
             && !THIGH.contains(&thigh)
         {
             return Err(no_thigh(thigh));
@@ -259,7 +261,7 @@ impl Source {
             timing,
             unit_m,
             skipped,
-            thigh_m,
+            lengths_m,
             warnings,
             first_s,
             slips,
@@ -312,13 +314,16 @@ fn no_thigh(thigh: f64) -> Problem {
     )
 }
 
-/// Length of the left thigh (units of the file).
-fn bvh_thigh(bvh: &Tree, joints: &SegmentArray<Option<usize>>) -> f64 {
+/// Lengths of the limbs' bones (units of the file).
+fn bone_lengths(bvh: &Tree, joints: &SegmentArray<Option<usize>>) -> SegmentArray<Option<f64>> {
     let rest = bvh.at_rest();
     let place = |segment: Segment| Some(rest.get(joints[segment]?)?.position);
-    place(Segment::LeftThigh)
-        .zip(place(Segment::LeftShank))
-        .map_or(0.0, |(hip, knee)| (knee - hip).norm())
+    let mut lengths = SegmentArray::from_fn(|_| None);
+    for (segment, next) in LIMBS {
+        let ends = place(segment).zip(place(next));
+        lengths[segment] = ends.map(|(from, to)| (to - from).norm());
+    }
+    lengths
 }
 
 /// Length of one unit (m), as said or guessed from the length of a thigh in that unit.

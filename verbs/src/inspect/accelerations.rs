@@ -14,6 +14,8 @@ const APART: f64 = 0.4;
 const MOVES: f64 = 0.3;
 /// Root mean square (m/s2) that no body in flight has.
 const IMPOSSIBLE: f64 = 500.0;
+/// The same beyond which no unit explains the numbers either, so that whoever wrote the file is not believed.
+const BROKEN: f64 = 2e5;
 /// Share of gravity by which a mean difference along the vertical may differ from it.
 const NEAR: f64 = 0.3;
 
@@ -100,6 +102,13 @@ impl Accelerations {
         let correlation = product / (expected * found).sqrt().max(f64::MIN_POSITIVE);
         let scale = product / expected.max(f64::MIN_POSITIVE);
         let size = (self.squares[1] / count).sqrt();
+        if size > BROKEN {
+            let what = format!("are {size:.1e} m/s2 on average, which no unit explains");
+            return Some(Warning {
+                is_fault: true,
+                ..remark(&what)
+            });
+        }
         let what = if size == 0.0 && expected > MOVES * MOVES {
             return Some(remark("are all zero though the velocity changes"));
         } else if size > IMPOSSIBLE {
@@ -152,5 +161,10 @@ mod tests {
         told("opposite sign", said(|right| -right));
         told("+9.8 m/s2", said(|right| right + Vector3::z() * GRAVITY));
         told("2.00 times", said(|right| 2.0 * right));
+        told("in mm/s2", said(|right| 1000.0 * right));
+        told(
+            "1.0e6 m/s2 on average, which no unit",
+            said(|_| Vector3::x() * 1e6),
+        );
     }
 }

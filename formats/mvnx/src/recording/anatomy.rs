@@ -1,5 +1,5 @@
 //! Postures that no body takes: joints bent the wrong way or turned round, sides that are crossed or copied. Single frames
-//! prove nothing; if it is most of a recording, an axis, a sign, a label or a side is wrong.
+//! prove nothing; if it is most of a recording, or goes far for a while, an axis, a sign, a label or a side is wrong.
 
 use bodyflight_core::{Posture, Segment, SegmentArray};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -11,16 +11,8 @@ use crate::xsens::xsens_from_segment;
 /// Share of the frames in which a posture is impossible that proves it wrong, and the fewest such frames.
 const SHARE: f64 = 0.5;
 const LEAST: u64 = 3;
-/// Angle (rad) by which no knee is bent forwards.
-const KNEE: f64 = 0.2;
-/// Cosine of a rotation against the parent that neck, trunk, ankle and wrist do not reach.
-const ROUND: f64 = -0.35;
-/// Sine of the angle by which no thigh is bent backwards.
-const THIGH: f64 = 0.9;
-/// Distance by which a knee or an elbow is beyond that of the other side, in lengths of the thigh or the upper arm, less the
-/// distance of hips or shoulders: legs and arms cross less.
-const KNEES: f64 = 0.45;
-const ELBOWS: f64 = 1.45;
+/// Shortest time (s) that a joint must be beyond what nobody reaches at all, so that it is no wrong frame or two.
+const A_WHILE: f64 = 0.2;
 
 /// Which way the segment's distal end, and its front, point in the axes of its parent: x left, y dorsal, z cranial.
 fn down(posture: &Posture<f64>, segment: Segment) -> Vector3<f64> {
@@ -31,64 +23,117 @@ fn front(posture: &Posture<f64>, segment: Segment) -> Vector3<f64> {
     posture.parent_from_segment(segment) * -Vector3::y()
 }
 
-/// How far the right one's distal end is left of the left one's, in lengths.
+/// The angle (rad) to a plane, given its sine.
+fn beyond(sine: f64) -> f64 {
+    sine.clamp(-1.0, 1.0).asin()
+}
+
+/// The angle (rad) between two directions, given its cosine.
+fn apart(cosine: f64) -> f64 {
+    cosine.clamp(-1.0, 1.0).acos()
+}
+
+/// How far the joint at a segment is beyond that of the other side, in lengths of the segment between it and the trunk.
 fn crosses(posture: &Posture<f64>, left: Segment) -> f64 {
-    down(posture, left.mirrored()).x - down(posture, left).x
+    let reaches = |own: Segment| own.parent().map_or(0.0, |inner| down(posture, inner).x);
+    reaches(left.mirrored()) - reaches(left)
 }
 
 fn either(left: Segment, is_wrong: impl Fn(Segment) -> bool) -> bool {
     is_wrong(left) || is_wrong(left.mirrored())
 }
 
-/// What a body cannot do: the segment concerned, in words, and whether a posture does it.
-type Check = (Segment, &'static str, fn(&Posture<f64>) -> bool);
+/// What a body cannot do.
+struct Check {
+    /// The segments that are judged, on both sides if each is by itself; the first one gives it its name.
+    segments: &'static [Segment],
+    /// The fault in words.
+    said: &'static str,
+    /// How far a segment goes, in rad, or in lengths of a segment if it `crosses`.
+    measure: fn(&Posture<f64>, Segment) -> f64,
+    /// What nobody exceeds in most of a recording.
+    mostly: f64,
+    /// What nobody exceeds for a while, with a margin for limbs whose sensors are badly worn.
+    ever: Option<f64>,
+}
 
-const CHECKS: [Check; 8] = [
-    (
-        Segment::LeftShank,
-        "the knees are bent forwards",
-        |posture| {
-            // The heel goes backwards, which is dorsal.
-            either(Segment::LeftShank, |shank| {
-                down(posture, shank).y < -KNEE.sin()
-            })
+const CHECKS: [Check; 10] = [
+    Check {
+        segments: &[Segment::LeftShank, Segment::RightShank],
+        said: "the knees are bent forwards",
+        // The heel goes backwards, which is dorsal.
+        measure: |posture, shank| beyond(-down(posture, shank).y),
+        mostly: 0.2,
+        ever: Some(0.8),
+    },
+    Check {
+        segments: &[Segment::LeftShank, Segment::RightShank],
+        said: "the knees are bent sideways",
+        measure: |posture, shank| beyond(down(posture, shank).x.abs()),
+        mostly: 0.7,
+        ever: Some(0.9),
+    },
+    Check {
+        segments: &[Segment::LeftForearm, Segment::RightForearm],
+        said: "the elbows are bent backwards",
+        measure: |posture, forearm| beyond(down(posture, forearm).y),
+        mostly: 0.35,
+        ever: Some(0.8),
+    },
+    Check {
+        segments: &[Segment::LeftThigh, Segment::RightThigh],
+        said: "a thigh is bent backwards",
+        measure: |posture, thigh| beyond(down(posture, thigh).y),
+        mostly: 1.12,
+        ever: Some(1.12),
+    },
+    Check {
+        segments: &[Segment::LeftFoot, Segment::RightFoot],
+        said: "a foot points backwards",
+        measure: |posture, foot| apart(-front(posture, foot).y),
+        mostly: 1.93,
+        ever: Some(1.93),
+    },
+    Check {
+        segments: &[Segment::LeftHand, Segment::RightHand],
+        said: "a wrist is bent beyond its range",
+        measure: |posture, hand| apart(-down(posture, hand).z),
+        mostly: 1.93,
+        ever: Some(1.93),
+    },
+    Check {
+        segments: &[Segment::Head],
+        said: "the head is turned round on the neck",
+        measure: |posture, head| apart(-front(posture, head).y),
+        mostly: 1.93,
+        ever: Some(1.93),
+    },
+    Check {
+        segments: &[Segment::Thorax],
+        said: "the chest is turned round against the pelvis",
+        measure: |posture, thorax| {
+            let turned =
+                posture.parent_from_segment(Segment::Abdomen) * posture.parent_from_segment(thorax);
+            apart((turned * Vector3::y()).y)
         },
-    ),
-    (Segment::LeftThigh, "a thigh is bent backwards", |posture| {
-        either(Segment::LeftThigh, |thigh| down(posture, thigh).y > THIGH)
-    }),
-    (Segment::LeftFoot, "a foot points backwards", |posture| {
-        either(Segment::LeftFoot, |foot| -front(posture, foot).y < ROUND)
-    }),
-    (
-        Segment::LeftHand,
-        "a wrist is bent beyond its range",
-        |posture| either(Segment::LeftHand, |hand| -down(posture, hand).z < ROUND),
-    ),
-    (
-        Segment::Head,
-        "the head is turned round on the neck",
-        |posture| -front(posture, Segment::Head).y < ROUND,
-    ),
-    (
-        Segment::Thorax,
-        "the chest is turned round against the pelvis",
-        |posture| {
-            let turned = posture.parent_from_segment(Segment::Abdomen)
-                * posture.parent_from_segment(Segment::Thorax);
-            (turned * Vector3::y()).y < ROUND
-        },
-    ),
-    (
-        Segment::LeftShank,
-        "the left knee is right of the right knee",
-        |posture| crosses(posture, Segment::LeftThigh) > KNEES,
-    ),
-    (
-        Segment::LeftForearm,
-        "the left elbow is right of the right elbow",
-        |posture| crosses(posture, Segment::LeftUpperArm) > ELBOWS,
-    ),
+        mostly: 1.93,
+        ever: Some(1.93),
+    },
+    // Legs and arms cross less; the distance of hips and shoulders is left out of it.
+    Check {
+        segments: &[Segment::LeftShank],
+        said: "the left knee is right of the right knee",
+        measure: |posture, shank| crosses(posture, shank),
+        mostly: 0.45,
+        ever: None,
+    },
+    Check {
+        segments: &[Segment::LeftForearm],
+        said: "the left elbow is right of the right elbow",
+        measure: |posture, forearm| crosses(posture, forearm),
+        mostly: 1.45,
+        ever: None,
+    },
 ];
 
 /// Segments of the left side that are compared with their counterparts.
@@ -129,11 +174,103 @@ fn is_stretched(posture: &Posture<f64>, moved: &[f64]) -> bool {
     !LEGS.into_iter().any(|left| either(left, bends)) && moved.iter().all(|angle| *angle <= STIRS)
 }
 
+/// Frames on end in which a joint is beyond what nobody reaches.
+#[derive(Debug, Clone, Copy)]
+struct Beyond {
+    segment: Segment,
+    first: (u64, f64),
+    last: f64,
+    frames: u64,
+    /// How far it goes (rad).
+    furthest: f64,
+}
+
+impl Beyond {
+    fn length(&self) -> f64 {
+        self.last - self.first.1
+    }
+}
+
+/// What has been seen of one check.
+#[derive(Debug, Clone, Copy, Default)]
+struct Seen {
+    /// Frames beyond what nobody exceeds for long.
+    wrong: u64,
+    /// On either side, the frames that are beyond what nobody exceeds at all.
+    now: [Option<Beyond>; 2],
+    longest: Option<Beyond>,
+}
+
+impl Seen {
+    /// Takes a posture at a frame and its time (s).
+    fn see(&mut self, check: &Check, (index, time): (u64, f64), posture: &Posture<f64>) {
+        let mut is_wrong = false;
+        for (segment, now) in check.segments.iter().zip(&mut self.now) {
+            let far = (check.measure)(posture, *segment);
+            is_wrong |= far > check.mostly;
+            if check.ever.is_none_or(|ever| far <= ever) {
+                *now = None;
+                continue;
+            }
+            let run = now.get_or_insert(Beyond {
+                segment: *segment,
+                first: (index, time),
+                last: time,
+                frames: 0,
+                furthest: far,
+            });
+            run.last = time;
+            run.frames += 1;
+            run.furthest = run.furthest.max(far);
+            if (self.longest).is_none_or(|longest| run.length() >= longest.length()) {
+                self.longest = Some(*run);
+            }
+        }
+        self.wrong += u64::from(is_wrong);
+    }
+
+    /// What is wrong in a sentence, in a recording of so many frames that ends with this one at this time (s).
+    fn warning(&self, check: &Check, frames: u64, last: (u64, f64)) -> Option<Warning> {
+        let said = check.said;
+        if is_most(self.wrong, frames) {
+            let message = format!(
+                "{said} in {} of {frames} frames: an axis, a sign, a label or a side is wrong",
+                self.wrong
+            );
+            let first = check.segments.first();
+            return first.map(|own| fault(*own, last.0, [0.0, last.1], message));
+        }
+        let run = self.longest?;
+        (run.frames >= LEAST && run.length() >= A_WHILE).then(|| {
+            let (from, to) = (run.first.1, run.last);
+            let message = format!(
+                "{said} at {} by up to {:.0} degrees from {from:.3} to {to:.3} s, which nobody can: an axis, a label or a marker is wrong there",
+                run.segment.name(),
+                run.furthest.to_degrees()
+            );
+            fault(run.segment, run.first.0, [from, to], message)
+        })
+    }
+}
+
+fn is_most(count: u64, of: u64) -> bool {
+    #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
+    let share = count as f64 / of.max(1) as f64;
+    count >= LEAST && share > SHARE
+}
+
+fn fault(segment: Segment, frame: u64, span_s: [f64; 2], message: String) -> Warning {
+    Warning {
+        segment: Some(segment.name().to_owned()),
+        ..Warning::fault(frame, span_s, message)
+    }
+}
+
 /// What has been seen of the postures.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Anatomy {
     frames: u64,
-    wrong: [u64; CHECKS.len()],
+    seen: [Seen; CHECKS.len()],
     last: Option<SegmentArray<UnitQuaternion<f64>>>,
     /// Frames in which a segment moves and has another attitude than its mirror image.
     moving: [u64; LEFT.len()],
@@ -147,15 +284,16 @@ pub(super) struct Anatomy {
 }
 
 impl Anatomy {
-    /// Takes the posture of a good frame, and the same relative to the pelvis.
+    /// Takes the posture of a good frame at a time (s), and the same relative to the pelvis.
     pub(super) fn see(
         &mut self,
+        at: (u64, f64),
         posture: &Posture<f64>,
         turned: &SegmentArray<UnitQuaternion<f64>>,
     ) {
         self.frames += 1;
-        for (count, (_, _, is_wrong)) in self.wrong.iter_mut().zip(CHECKS) {
-            *count += u64::from(is_wrong(posture));
+        for (seen, check) in self.seen.iter_mut().zip(&CHECKS) {
+            seen.see(check, at, posture);
         }
         let first = self.first.get_or_insert(*posture);
         let moved = Segment::ALL.map(|own| {
@@ -188,26 +326,11 @@ impl Anatomy {
         }
     }
 
-    /// What most of the recording shows, which ends with this frame at this time (s). Who `travels` does not stand still.
+    /// What the recording shows, which ends with this frame at this time (s). Who `travels` does not stand still.
     pub(super) fn warnings(&self, last: (u64, f64), travels: bool) -> Vec<Warning> {
-        let is_most = |count: u64, of: u64| {
-            #[expect(clippy::cast_precision_loss, reason = "counts of frames")]
-            let share = count as f64 / of.max(1) as f64;
-            count >= LEAST && share > SHARE
-        };
-        let fault = |segment: Segment, message: String| Warning {
-            segment: Some(segment.name().to_owned()),
-            ..Warning::fault(last.0, [0.0, last.1], message)
-        };
-        let wrong = self.wrong.iter().zip(CHECKS);
-        let wrong = wrong.filter(|(count, _)| is_most(**count, self.frames));
-        let wrong = wrong.map(|(count, (segment, said, _))| {
-            let message = format!(
-                "{said} in {count} of {} frames: an axis, a sign, a label or a side is wrong",
-                self.frames
-            );
-            fault(segment, message)
-        });
+        let wrong = self.seen.iter().zip(&CHECKS);
+        let wrong = wrong.filter_map(|(seen, check)| seen.warning(check, self.frames, last));
+        let fault = |segment, message| fault(segment, last.0, [0.0, last.1], message);
         let copied = self.copied.iter().zip(self.moving).zip(LEFT);
         let copied = copied.filter(|((count, moving), _)| is_most(**count, *moving));
         let copied = copied.map(|((count, _), left)| {
@@ -252,7 +375,11 @@ mod tests {
             );
             let moved = pattern::moved(&moved, &[(Segment::LeftUpperArm, [0.0, swing, 0.0])], 1.0);
             let posture = if index < share { change(moved) } else { moved };
-            seen.see(&posture, &posture.body_from_segments());
+            seen.see(
+                (index as u64, index as f64 / 100.0),
+                &posture,
+                &posture.body_from_segments(),
+            );
         }
         seen.warnings((99, 0.99), true)
             .into_iter()
@@ -273,6 +400,16 @@ mod tests {
     fn copied(posture: Posture<f64>) -> Posture<f64> {
         let left = *posture.parent_from_segment(Segment::LeftThigh);
         posture.with(Segment::RightThigh, left)
+    }
+
+    #[test]
+    fn what_nobody_reaches_at_all_is_named_after_a_while() {
+        let knee = turned(Segment::RightShank, [0.0, 0.0, 2.2]);
+        assert_eq!(said(10, &knee), Vec::<String>::new());
+        let said = said(45, &knee);
+        let words = "the knees are bent forwards at r_shank by up to 6";
+        assert!(said.len() == 1 && said[0].starts_with(words), "{said:?}");
+        assert!(said[0].contains(" from 0.000 to 0.440 s"), "{said:?}");
     }
 
     #[test]

@@ -124,7 +124,8 @@ impl Watch {
     ) {
         let attitude = *frame.pelvis.inertial_from_body.quaternion();
         let turned = frame.posture.body_from_segments();
-        self.anatomy.see(&frame.posture, &turned);
+        let here = (frame.index, frame.time);
+        self.anatomy.see(here, &frame.posture, &turned);
         let attitudes = turned.map(|_, turned| attitude * turned);
         let last = self.last.replace((*frame, attitudes, *moving));
         let before = (last.as_ref()).map(|(last, turned, _)| (last, changes(turned, &attitudes)));
