@@ -91,6 +91,7 @@ impl Estimation {
             .chain(InputRow::MORE_COLUMNS)
             .chain(DEVIATIONS)
             .chain(["nis", "consistency"])
+            .chain(VELOCITY)
             .collect()
     }
 
@@ -104,7 +105,13 @@ impl Estimation {
             let consistency = point.consistency.map_or("", Consistency::name);
             let more = point.inputs.more_fields();
             let fields = numbers.into_iter().chain(more).chain(rest);
-            fields.chain([consistency.to_owned()]).collect()
+            let velocity = point
+                .motion
+                .map(|motion| motion.velocity_inertial().components);
+            let velocity = velocity.map_or([f64::NAN; 3], Into::into);
+            let velocity = velocity.into_iter().chain(point.velocity_deviation);
+            let fields = fields.chain([consistency.to_owned()]);
+            fields.chain(velocity.map(number)).collect()
         })
     }
 }
@@ -117,6 +124,16 @@ const DEVIATIONS: [&str; 6] = [
     "sd_damp_pitch",
     "sd_damp_yaw",
     "sd_damp_roll",
+];
+
+/// Columns of the velocity of the pelvis and of its standard deviations, which only the motion filter has.
+const VELOCITY: [&str; 6] = [
+    "velocity_north_mps",
+    "velocity_west_mps",
+    "velocity_up_mps",
+    "sd_velocity_north_mps",
+    "sd_velocity_west_mps",
+    "sd_velocity_up_mps",
 ];
 
 #[cfg(doctest)]

@@ -4,7 +4,9 @@
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::effect::sensors::{Moving, Sensors};
 use bodyflight_core::estimator::motion::measurement::Noise;
+use bodyflight_core::estimator::motion::settings::ASSUMED_FALL;
 use bodyflight_core::flight_sample::FlightSample;
+use bodyflight_core::frame::Vector;
 use bodyflight_falls::statistics::{
     THIRD_DIFFERENCE_VARIANCE, quantile, second_difference, third_difference,
 };
@@ -36,24 +38,34 @@ pub struct MeasuredFlight {
 const VISIBLE: f64 = 0.25;
 
 impl MeasuredFlight {
-    /// Reads a flight.
+    /// Reads a flight. If no frame has a velocity, those of a steady fall are assumed.
     ///
     /// # Errors
-    /// Returns an error if a file is unusable, or fewer than two frames have velocity and angular velocity.
+    /// Returns an error if a file is unusable, there are fewer than two frames, or some lack velocity or angular velocity.
     pub fn read(flight: &Flight, options: Options) -> Result<Self> {
         let mut recording = flight.open(options)?;
         let rate = recording.header().frame_rate;
-        let frames = recording.by_ref().collect::<Result<Vec<FlightFrame>>>()?;
+        let mut frames = recording.by_ref().collect::<Result<Vec<FlightFrame>>>()?;
         if frames.len() < 2 {
             return Err(
                 Problem::bad_input("expected at least two frames of type \"normal\"")
                     .in_file(&flight.recording),
             );
         }
+        let is_assumed = frames.iter().all(|frame| frame.pelvis.velocity.is_none());
+        if is_assumed {
+            for frame in &mut frames {
+                frame.pelvis.velocity = Some(Vector::from_components(ASSUMED_FALL.into()).cast());
+            }
+        }
         let samples = frames.iter().map(FlightFrame::sample);
         let samples = samples.collect::<Result<Vec<FlightSample>>>()?;
         Ok(Self {
-            velocities: Velocities::of(recording.solutions(), &samples),
+            velocities: if is_assumed {
+                Velocities::Assumed
+            } else {
+                Velocities::of(recording.solutions(), &samples)
+            },
             samples,
             frames,
             rate,

@@ -102,15 +102,15 @@ pub fn estimate(
     } else {
         Consistency::Consistent
     };
-    let is_smoothed = settings.method == Method::Smooth && measured.velocities.are_sampled();
-    let smooth = is_smoothed.then(|| {
+    let is_asked = settings.method == Method::Smooth && measured.velocities.are_sampled();
+    let smooth = is_asked.then(|| {
         if find_joint_error {
             Sizes::any()
         } else {
             Sizes::about(f64::from(preset.joint_error))
         }
     });
-    let (points, collector, flags) = match (settings.filter, precision) {
+    let estimates = match (settings.filter, precision) {
         (Filter::Paper, Single) => run.points::<f32, Full>(&preset, smooth, least)?,
         (Filter::Paper, Double) => run.points::<f64, Full>(&preset, smooth, least)?,
         (Filter::Reduced, Single) => run.points::<f32, Reduced>(&preset, smooth, least)?,
@@ -122,7 +122,7 @@ pub fn estimate(
         flight,
         measured: &measured,
     };
-    let mut estimation = replayed.report(points, &collector, flags, &preset, seconds)?;
+    let mut estimation = replayed.report(estimates, &preset, seconds)?;
     if let Some(errors) = found {
         errors.tell(&mut estimation.report);
     }

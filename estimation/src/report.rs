@@ -66,6 +66,9 @@ pub struct Report {
     pub amplitude: PerChannel,
     /// Number of updates.
     pub updates: u64,
+    /// Whether the estimates are those of the whole flight; if not, they are a filter's, also where the whole flight has no
+    /// solution.
+    pub is_smoothed: bool,
     /// Mean normalised innovation squared of the updates, all channels.
     pub nis_mean: f64,
     /// Faults by kind.
@@ -74,6 +77,9 @@ pub struct Report {
     pub filter_s: f64,
     /// Length of the flight (s).
     pub duration_s: f64,
+    /// Standard deviation of each component of the velocity (m/s), root of its mean square over the flight after the first
+    /// seconds, if none was measured: it follows from the model then.
+    pub assumed_velocity_sd_mps: Option<f64>,
     /// Time from a sample to the estimate for it (s): the prediction window.
     pub delay_s: f64,
     /// Error of the recorded joints, as a standard deviation per axis (deg).
@@ -153,6 +159,8 @@ pub struct Point {
     pub watched: Watched,
     /// Motion at that time; motion filter only.
     pub motion: Option<Motion<f64>>,
+    /// Standard deviations of its velocity (m/s): north, west, up. NaN without a motion.
+    pub velocity_deviation: [f64; 3],
 }
 
 /// Mean squares over about a second of quantities whose mean square should be 1; NaN for those that a filter does not

@@ -7,8 +7,10 @@ use bodyflight_core::dynamics::muscle_input::MuscleModel;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
 use bodyflight_core::estimator::motion::MotionFilter;
 use bodyflight_core::estimator::motion::estimate::{MotionEstimate, Recorder};
-use bodyflight_core::estimator::motion::settings::MotionPreset;
-use bodyflight_core::estimator::motion::state::{Difference, FlightState, MUSCLE, inputs_of};
+use bodyflight_core::estimator::motion::settings::{ASSUMED_DEVIATION, MotionPreset};
+use bodyflight_core::estimator::motion::state::{
+    Difference, FlightState, MUSCLE, VELOCITY, inputs_of,
+};
 use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::propagation::Propagation;
 use bodyflight_core::flight_sample::FlightSample;
@@ -43,6 +45,15 @@ pub(crate) struct Run<'a> {
     pub(crate) segments: Option<SegmentArray<f64>>,
 }
 
+/// Estimates, and how they came about.
+pub(crate) struct Points {
+    pub(crate) points: Vec<Point>,
+    pub(crate) collector: Collector,
+    pub(crate) flags: Flags,
+    /// Whether they are those of the whole flight.
+    pub(crate) is_smoothed: bool,
+}
+
 impl<'a> Run<'a> {
     fn muscles_at(&self, time: f64) -> MuscleModel {
         let flight = &self.flight.muscles;
@@ -64,15 +75,18 @@ impl<'a> Run<'a> {
             return Ok(());
         };
         let motion: Motion<T> = first.motion.cast();
-        let mut filter = Box::new(
-            MotionFilter::<T, P>::new(
-                preset,
-                &self.dynamics.cast(),
-                &motion,
-                &first.posture.cast(),
-            )
-            .map_err(|error| Problem::bad_input(format!("the preset: {error}")))?,
-        );
+        let refused = |error| Problem::bad_input(format!("the preset: {error}"));
+        let process = MotionFilter::<T, P>::process(preset).map_err(refused)?;
+        let dynamics = self.dynamics.cast();
+        let mut filter = Box::new(MotionFilter::<T, P>::unstarted(preset, process, &dynamics));
+        let velocity_deviation = if self.velocities.are_assumed() {
+            T::single(ASSUMED_DEVIATION)
+        } else {
+            T::zero()
+        };
+        filter
+            .restart_assuming(&motion, &first.posture.cast(), velocity_deviation)
+            .map_err(refused)?;
         if let Some(errors) = &self.segments {
             filter.set_segment_errors(&errors.map(|_, error| T::of(*error)));
         }
@@ -101,7 +115,7 @@ impl<'a> Run<'a> {
         preset: &MotionPreset,
         smooth: Option<Sizes>,
         least: Consistency,
-    ) -> Result<(Vec<Point>, Collector, Flags)> {
+    ) -> Result<Points> {
         let mut points = Vec::new();
         let mut places = Vec::new();
         let mut states = Vec::new();
@@ -143,9 +157,11 @@ impl<'a> Run<'a> {
                 });
             },
         )?;
+        let mut is_smoothed = false;
         if let Some(sizes) = smooth {
             let solution = self.whole(preset, sizes, &states, &activity).solve()?;
             let known = solution.map_or_else(Vec::new, |solution| solution.known);
+            is_smoothed = !known.is_empty();
             for (point, place) in points.iter_mut().zip(places) {
                 let Some(known) = known.get(place) else {
                     continue;
@@ -159,7 +175,12 @@ impl<'a> Run<'a> {
                 };
             }
         }
-        Ok((points, collector, flags))
+        Ok(Points {
+            points,
+            collector,
+            flags,
+            is_smoothed,
+        })
     }
 
     fn point(
@@ -169,11 +190,12 @@ impl<'a> Run<'a> {
         deviation: &Difference<f64>,
         motion: &Motion<f64>,
     ) -> Point {
-        let deviation = deviation.fixed_rows::<12>(MUSCLE).into_owned();
+        let of_inputs = deviation.fixed_rows::<12>(MUSCLE).into_owned();
         Point {
             time,
             inputs: InputRow::of(time, inputs).with_muscles(&self.muscles_at(time)),
-            deviation: InputRow::of(time, &inputs_of(&deviation)),
+            deviation: InputRow::of(time, &inputs_of(&of_inputs)),
+            velocity_deviation: [0, 1, 2].map(|axis| deviation[VELOCITY + axis]),
             normalised_innovation: 1.0,
             consistency: None,
             watched: Watched::of_all(f64::NAN),

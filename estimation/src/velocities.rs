@@ -3,7 +3,7 @@
 //! A suit has one in every sample. A receiver measures a few times a second; velocities between its solutions are
 //! interpolated, so their errors are not independent, and where the body accelerates they are wrong. Each solution therefore
 //! counts once, at its own time, and with the accuracy that the receiver states. A receiver filters its solutions, and what
-//! disturbs its signals lasts, so those within a second count as one.
+//! disturbs its signals lasts, so those within a second count as one. Sensors on the limbs alone measure none.
 
 use bodyflight_core::effect::sensors::Sensors;
 use bodyflight_core::estimator::motion::measurement::{MotionMeasurement, SensorMeasurement};
@@ -22,6 +22,8 @@ pub enum Velocities {
     Sampled,
     /// A receiver's solutions in order of time, each with the index of the first sample that is not earlier.
     Solved(Vec<(usize, ReceiverVelocity<f64>)>),
+    /// No sample has one: those of the samples are assumed.
+    Assumed,
 }
 
 impl Velocities {
@@ -60,6 +62,11 @@ impl Velocities {
         matches!(self, Self::Sampled)
     }
 
+    /// Whether none is measured.
+    pub fn are_assumed(&self) -> bool {
+        matches!(self, Self::Assumed)
+    }
+
     /// Corrects for known sensor errors.
     pub fn correct(&mut self, sensors: &Sensors<f64>) {
         if let Self::Solved(solutions) = self {
@@ -90,8 +97,10 @@ impl Velocities {
             return SensorMeasurement::none();
         };
         let motion = MotionMeasurement::of(&sample.motion);
-        let Self::Solved(solutions) = self else {
-            return motion.into();
+        let solutions = match self {
+            Self::Sampled => return motion.into(),
+            Self::Solved(solutions) => solutions.as_slice(),
+            Self::Assumed => &[],
         };
         // Of several since the last sample, the latest.
         let until = solutions.partition_point(|(carrier, _)| *carrier <= index);
@@ -169,6 +178,15 @@ mod tests {
         let measured = velocities.measured(&samples, 7);
         assert_eq!(measured, MotionMeasurement::of(&samples[7].motion).into());
         assert_eq!(velocities.deviations(), None);
+    }
+
+    #[test]
+    fn a_velocity_that_is_assumed_is_no_measurement() {
+        let samples = samples();
+        let measured = Velocities::Assumed.measured(&samples, 7);
+        assert!(measured.motion.velocity.is_none() && measured.receiver.is_none());
+        assert!(measured.motion.angular_velocity.is_some());
+        assert_eq!(Velocities::Assumed.deviations(), None);
     }
 
     #[test]

@@ -150,6 +150,10 @@ pub fn worse_channels(rms: &PerChannel, constant: &PerChannel, noise: &Noise<f32
     Channel::ALL
         .into_iter()
         .filter(|&channel| {
+            // What was not measured is not compared.
+            if constant.get(channel).is_nan() {
+                return false;
+            }
             let noise = f64::from(match channel {
                 Channel::Roll | Channel::Pitch | Channel::Heading => noise.attitude,
                 Channel::YawRate | Channel::AngularVelocity => noise.angular_velocity,
@@ -163,8 +167,13 @@ pub fn worse_channels(rms: &PerChannel, constant: &PerChannel, noise: &Noise<f32
         .collect()
 }
 
-/// Why an estimate should not be trusted, in a sentence; `None` if it can be.
-pub fn sentence(worse: &[(Channel, f64, f64)], found: &Consistencies) -> Option<String> {
+/// Why an estimate should not be trusted, in a sentence; `None` if it can be. `velocity` is the standard deviation of a
+/// velocity that is assumed (m/s).
+pub fn sentence(
+    worse: &[(Channel, f64, f64)],
+    found: &Consistencies,
+    velocity: Option<f64>,
+) -> Option<String> {
     if let Some(ratio) = found.time_ratio {
         return Some(format!(
             "the frame rate is wrong: by the attitudes, {ratio:.2} times as much time passes as by the rate and the \
@@ -179,11 +188,14 @@ pub fn sentence(worse: &[(Channel, f64, f64)], found: &Consistencies) -> Option<
     }
     if found.longest_loss_s <= LONGEST_LOSS {
         let share = found.doubtful + found.lost;
-        return (share > LARGEST_SHARE).then(|| {
-            format!(
+        return (share > LARGEST_SHARE).then(|| match velocity {
+            Some(deviation) => format!(
+                "the recording has no velocity: a steady fall was assumed, and what attitude, rates and posture make of it is known to {deviation:.1} m/s in each direction at best"
+            ),
+            None => format!(
                 "the estimate is doubtful {:.0} % of the time: an effect that the model lacks acts throughout",
                 100.0 * share
-            )
+            ),
         });
     }
     Some(format!(

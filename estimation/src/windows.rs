@@ -181,6 +181,7 @@ impl Collected {
             consistency: Some(consistency),
             watched: Watched::of_all(mean_square),
             motion: None,
+            velocity_deviation: [f64::NAN; 3],
         });
         while self.first_waiting < estimate.solved_sample && self.waiting.len() > 1 {
             self.waiting.pop_front();
@@ -217,7 +218,7 @@ impl Collected {
         let consistency = self.collector.finish();
         Estimation {
             report: Report {
-                doubt: verdict::sentence(&worse, &consistency),
+                doubt: verdict::sentence(&worse, &consistency, None),
                 is_recording_doubtful: false,
                 warnings: Vec::new(),
                 rms,
@@ -229,10 +230,12 @@ impl Collected {
                 consistency: Some(consistency),
                 amplitude: self.estimated.amplitude(),
                 updates: self.updates,
+                is_smoothed: false,
                 nis_mean,
                 flags: self.flags,
                 filter_s: self.seconds,
                 duration_s,
+                assumed_velocity_sd_mps: None,
                 delay_s,
             },
             points: self.points,

@@ -9,6 +9,7 @@ mod tempo;
 use bodyflight_core::aerodynamics::Aerodynamics;
 use bodyflight_core::air::Air;
 use bodyflight_core::dynamics::{Dynamics, Motion};
+use bodyflight_core::estimator::motion::settings::{ASSUMED_DEVIATION, ASSUMED_FALL};
 #[cfg(doc)]
 use bodyflight_core::estimator::motion::state;
 use bodyflight_core::estimator::motion::state::STATES;
@@ -26,13 +27,7 @@ use tempo::Tempo;
 /// reconstructed motion is reset to the next sample.
 pub const LONGEST_BRIDGE: u16 = 12;
 
-/// Velocity assumed until one is measured: north, west, up (m/s).
-const ASSUMED_FALL: [f32; 3] = [0.0, 0.0, -50.0];
-
-/// Standard deviation of each component of that velocity (m/s): people exit at up to 60 m/s, and some stand.
-const ASSUMED_DEVIATION: f32 = 25.0;
-
-/// Change of the velocity in a second that nothing measures (m/s), of which the above is the limit.
+/// Change of the velocity in a second that nothing measures (m/s), of which [`ASSUMED_DEVIATION`] is the limit.
 const UNMEASURED: f32 = 10.0;
 
 /// Samples per interval of the filter; the number of samples per update is a multiple of it.

@@ -105,7 +105,7 @@ impl Channel {
     }
 }
 
-/// One number per channel.
+/// One number per channel; not a number for one that is not measured.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PerChannel(pub [f64; CHANNELS]);
 
@@ -132,12 +132,13 @@ impl schemars::JsonSchema for PerChannel {
         let number = |channel: Channel| {
             let (label, unit) = channel.label();
             let description = format!("{label} ({unit})");
-            let schema = serde_json::json!({ "type": "number", "description": description });
+            let schema =
+                serde_json::json!({ "type": ["number", "null"], "description": description });
             (channel.key().to_owned(), schema)
         };
         let properties: serde_json::Map<_, _> = Channel::ALL.into_iter().map(number).collect();
         schemars::json_schema!({
-            "description": "One number per channel.",
+            "description": "One number per channel; null for one that is not measured.",
             "type": "object",
             "properties": properties,
             "required": Channel::ALL.map(Channel::key),
@@ -177,7 +178,11 @@ impl Comparison {
             let k = channel as usize;
             let gap = channel.gap(&pair.measured, &pair.simulated);
             self.squares.0[k] += gap * gap;
-            self.amplitude.0[k] = self.amplitude.0[k].max(channel.value(&pair.measured).abs());
+            let value = channel.value(&pair.measured).abs();
+            // A channel that is not measured has no amplitude.
+            if value > self.amplitude.0[k] || value.is_nan() {
+                self.amplitude.0[k] = value;
+            }
         }
         self.stride = self.stride.max(1);
         if self.count.is_multiple_of(self.stride) {

@@ -229,6 +229,54 @@ fn within_bars(found: &[BTreeMap<String, f64>], flown: &[BTreeMap<String, f64>])
     })
 }
 
+/// Without a receiver the estimate is doubtful and says why; its bars hold inputs and velocity all the same.
+fn without_a_receiver(folder: &Path, sensors: &str, mapping: &str, subject: &str) {
+    let text = std::fs::read_to_string(mapping).expect("a mapping");
+    let lines = text.lines().filter(|line| !line.starts_with("gnss"));
+    let text: String = lines.map(|line| format!("{line}\n")).collect();
+    let mapping = written(folder, "alone.toml", &text);
+    let (out, found) = (folder.join("alone"), folder.join("alone.csv"));
+    let (out, found) = (plain(&out), plain(&found));
+    PROGRAM.json(&[
+        "import",
+        sensors,
+        "--mapping",
+        &mapping,
+        "--subject",
+        subject,
+        "--out",
+        out,
+    ]);
+    let (report, code) = PROGRAM.answer(&["estimate", out, "--out", found]);
+    assert_eq!(code, Some(5), "{report}");
+    let doubt = report["doubt"].as_str().unwrap_or_default();
+    assert!(doubt.contains("the recording has no velocity"), "{doubt}");
+    assert!(report["rms"]["vertical_velocity_mps"].is_null(), "{report}");
+    assert!(report["rms"]["roll_rad"].as_f64() < Some(0.02), "{report}");
+    let deviation = report["assumed_velocity_sd_mps"].as_f64().expect("m/s");
+    assert!((0.5..6.0).contains(&deviation), "{deviation}");
+    let found = table(found);
+    let flown = table(&plain(&folder.join("jump/inputs.csv")).to_owned());
+    let held = within_bars(&found, &flown);
+    assert!(held.iter().all(|share| *share > 0.9), "{held:?}");
+    let truth = frames(&folder.join("jump/flight.mvnx"));
+    for axis in ["north", "west", "up"] {
+        let is_held = |row: &&BTreeMap<String, f64>| {
+            let of = |name: &str| row[&format!("{name}_{axis}_mps")];
+            let after = truth.partition_point(|frame| frame.time <= row["time_s"] + 1e-6);
+            let velocity = truth[after.saturating_sub(1)].pelvis.velocity;
+            let velocity = velocity.expect("a velocity").components;
+            let truth = velocity[["north", "west", "up"]
+                .iter()
+                .position(|a| *a == axis)
+                .expect("one")];
+            (of("velocity") - truth).abs() <= 2.0 * of("sd_velocity")
+        };
+        let share = found.iter().filter(is_held).count() as f64 / found.len() as f64;
+        assert!(share > 0.9, "{axis}: {share}");
+    }
+}
+
 /// Raw sensors of a simulated jump give its postures back; the estimate is consistent with their errors, and its bars hold the
 /// inputs that were flown, also during flips.
 #[test]
@@ -294,6 +342,7 @@ fn raw_sensors_of_a_jump_are_imported_and_estimated() {
     assert!(share > 0.9, "{estimate}");
     let held = within_bars(&table(&found), &table(&format!("{jump}/inputs.csv")));
     assert!(held.iter().all(|share| *share > 0.9), "{held:?}");
+    without_a_receiver(folder.path(), &sensors, &mapping, &subject);
     // Whoever exchanges two files is told so, and little is believed of these segments.
     let text = std::fs::read_to_string(&mapping).expect("a mapping");
     let text = text

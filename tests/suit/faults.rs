@@ -171,6 +171,20 @@ fn faults_of_a_sensor_are_named() {
     }
 }
 
+/// Also of two that are neither neighbours nor of both sides, if the poses allow what the mapping says.
+#[test]
+fn sensors_that_were_exchanged_across_the_body_are_named() {
+    let mut frames = flown("side-slides", 903);
+    frames.retain(|frame| frame.time < 2.0);
+    let case = without_tray(
+        LeftUpperArm,
+        Fault::Exchanged(LeftShank),
+        &["l_upperarm and l_shank are exchanged"],
+    );
+    let said = said(&frames, 903, &case);
+    assert!(is_right(&said, &case), "{said}");
+}
+
 #[test]
 #[ignore = "takes an hour of processor time; run it after a change of what finds faults"]
 fn each_fault_is_named_in_nineteen_of_twenty_flights() {

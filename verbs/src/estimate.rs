@@ -105,17 +105,21 @@ pub fn svg(estimation: &Estimation, title: &str) -> Result<String> {
     let reconstructed = channels.map(|channel| {
         let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
         let (rms, constant) = (&estimation.report.rms, &estimation.report.rms_constant);
+        let gaps = [rms, constant].map(|gaps| factor * gaps.get(channel));
+        let is_measured = gaps[0].is_finite();
+        let measured = is_measured.then(|| measured_curve(channel, estimation.estimated.series()));
+        let simulated = [
+            simulated_curve(channel, estimation.constant.series(), CONSTANT),
+            simulated_curve(channel, estimation.estimated.series(), ESTIMATED),
+        ];
         Panel {
-            caption: format!(
-                "{label} ({unit}): RMS gap {:.2} with estimation, {:.2} without",
-                factor * rms.get(channel),
-                factor * constant.get(channel)
-            ),
-            curves: vec![
-                measured_curve(channel, estimation.estimated.series()),
-                simulated_curve(channel, estimation.constant.series(), CONSTANT),
-                simulated_curve(channel, estimation.estimated.series(), ESTIMATED),
-            ],
+            caption: if is_measured {
+                let [with, without] = gaps;
+                format!("{label} ({unit}): RMS gap {with:.2} with estimation, {without:.2} without")
+            } else {
+                format!("{label} ({unit}): not measured")
+            },
+            curves: measured.into_iter().chain(simulated).collect(),
             bands: Vec::new(),
             shades: shades.clone(),
             wraps: channel.is_angle(),

@@ -243,6 +243,11 @@ fn run_flight(
     }
     let title = || format!("{}: preset {}", path.display(), args.preset);
     plot.write(|| svg(&estimation, &plot.title(title)))?;
+    if matches!(args.method, MethodName::Smooth) && !estimation.report.is_smoothed {
+        terminal::note(
+            "these are the filter's estimates: the whole flight has no smoothed solution, since the errors of its joints change during it or its velocities are not those of a suit",
+        );
+    }
     if !json {
         report::print(&estimation);
         for path in [&out, &plot.path].into_iter().flatten() {
@@ -255,6 +260,8 @@ fn run_flight(
         Some(sentence) => Err(Problem::doubt(sentence.clone()).in_file(path).help(
             if estimation.report.is_recording_doubtful {
                 "mend the recording or its files first: bodyflight inspect says what it contains"
+            } else if estimation.report.assumed_velocity_sd_mps.is_some() {
+                "give a receiver's track: gnss = \"TRACK.CSV\" in flight.toml, or in the table [flight] of the mapping of raw sensors; a recording of MVN can be exported with <velocity>"
             } else {
                 advice(&request.tuning)
             },

@@ -279,9 +279,14 @@ pub(super) fn gap_table(columns: &[(&str, PerChannel)]) -> Sheet {
     let mut table = table(&[&["channel", "unit"], names.as_slice()].concat()).right_from(2);
     for channel in Channel::ALL {
         let (label, unit) = channel.label();
-        let numbers = columns
-            .iter()
-            .map(|(_, values)| format!("{:.3}", values.get(channel)));
+        let numbers =
+            columns
+                .iter()
+                .map(|(_, values)| values.get(channel))
+                .map(|value| match value.is_nan() {
+                    true => "-".to_owned(),
+                    false => format!("{value:.3}"),
+                });
         table.add_row(
             [label.to_owned(), unit.to_owned()]
                 .into_iter()

@@ -234,14 +234,15 @@ fn flash(args: &FlashArgs, json: bool) -> Result<()> {
 }
 
 fn print(report: &Report) {
-    for log::Written {
-        flight,
-        frames,
-        estimates,
-        duration_s,
-        battery_v,
-    } in &report.flights
-    {
+    for written in &report.flights {
+        let log::Written {
+            flight,
+            frames,
+            estimates,
+            duration_s,
+            battery_v,
+            ..
+        } = written;
         let flight = flight.display();
         let battery = battery_v.map_or_else(String::new, |volts| {
             format!(", battery {volts:.2} V at least")
@@ -249,6 +250,9 @@ fn print(report: &Report) {
         terminal::print(&format!(
             "{flight}: {duration_s:.1} s, {frames} frames, {estimates} estimates{battery}"
         ));
+        if let Some(said) = written.without_posture() {
+            terminal::note(&said);
+        }
     }
     if report.flights.is_empty() && !report.erased {
         terminal::print("the log contains no flight");

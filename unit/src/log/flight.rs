@@ -38,12 +38,31 @@ pub struct Written {
     pub flight: PathBuf,
     /// Frames of the recording.
     pub frames: u64,
+    /// Frames with the posture that the unit assumed, since it had none.
+    pub assumed_postures: u64,
     /// Number of estimates beside it.
     pub estimates: usize,
     /// Duration (s).
     pub duration_s: f64,
     /// Lowest voltage of the unit's battery during the flight, if the unit measures it (V).
     pub battery_v: Option<f64>,
+}
+
+impl Written {
+    /// Says that the unit had no posture in the flight or in part of it, and what to do; `None` if it always had one.
+    pub fn without_posture(&self) -> Option<String> {
+        let (assumed, frames) = (self.assumed_postures, self.frames);
+        let what = match assumed {
+            0 => return None,
+            _ if assumed == frames => "no posture was logged, so all frames show".to_owned(),
+            _ => format!("{assumed} of {frames} frames have no logged posture and show"),
+        };
+        Some(format!(
+            "{}: {what} the one that the unit assumed. A posture comes from a host or from sensors on the limbs: calibrate these with \
+             `bodyflight unit calibrate`, and after each power-on stand upright and still until the light flashes twice",
+            self.flight.display()
+        ))
+    }
 }
 
 /// The flights in the blocks of a log, and the number of blocks that end in damage. The beginning of the oldest flight,
@@ -152,21 +171,23 @@ impl LoggedFlight {
         body.ok().map(|body| body.cast())
     }
 
-    /// Samples with an attitude, as frames.
-    fn frames(&self) -> Vec<FlightFrame> {
+    /// Samples with an attitude, as frames, and in how many of them the posture is assumed.
+    fn frames(&self) -> (Vec<FlightFrame>, u64) {
         let rate = self.rate();
         let first = self.samples.first().map_or(0, |(time, _)| *time);
         let mut frames: Vec<FlightFrame> = Vec::new();
+        let mut assumed = 0;
         for (time, sample) in &self.samples {
             let index = index(time.saturating_sub(first), rate);
             let is_next = frames.last().is_none_or(|last| last.index < index);
             if is_next && sample.valid.contains(Validity::ATTITUDE) {
                 frames.push(frame(index, rate, sample));
+                assumed += u64::from(!sample.valid.contains(Validity::POSTURE));
             }
         }
         fill_velocities(&mut frames);
         integrate_positions(&mut frames);
-        frames
+        (frames, assumed)
     }
 }
 
@@ -251,11 +272,12 @@ pub const FILES: [&str; 5] = [
 /// # Errors
 /// Returns an error if the folder cannot be written to, or if no sample has an attitude.
 pub fn write(flight: &LoggedFlight, subject: Option<&Subject>, folder: &Path) -> Result<Written> {
-    let frames = flight.frames();
+    let (frames, assumed_postures) = flight.frames();
     let Some(last) = frames.last() else {
         return Err(Problem::bad_input(
             "expected samples with an attitude, found none in this flight",
-        ));
+        )
+        .help("a sensor that sends no attitude is levelled once it was still for a second"));
     };
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
     let description = Description {
@@ -290,6 +312,7 @@ pub fn write(flight: &LoggedFlight, subject: Option<&Subject>, folder: &Path) ->
     Ok(Written {
         flight: path,
         frames: frames.len() as u64,
+        assumed_postures,
         estimates: flight.estimates.len(),
         duration_s: last.time,
         battery_v: flight
@@ -320,6 +343,33 @@ mod tests {
             assert!(block.push(&header, message));
         }
         block.bytes().to_vec()
+    }
+
+    #[test]
+    fn a_flight_without_a_logged_posture_says_so() {
+        let attitude = Rotation::from_quaternion(UnitQuaternion::identity());
+        let known = Sample::new(&Posture::h_pose(), &attitude, &Motion::default());
+        let mut assumed = known;
+        assumed.valid.remove(Validity::POSTURE);
+        let said = |samples: &[Sample]| {
+            let mut flight = LoggedFlight::default();
+            for (time, sample) in (0..).step_by(4000).zip(samples) {
+                let header = Header {
+                    time,
+                    ..Header::default()
+                };
+                flight.push(&header, (*sample).into());
+            }
+            let folder = tempfile::tempdir().unwrap();
+            let written = write(&flight, None, folder.path()).unwrap();
+            written.without_posture()
+        };
+        assert_eq!(said(&[known; 4]), None);
+        let none = said(&[assumed; 4]).unwrap();
+        let parts = ["no posture was logged", "unit calibrate", "flight.toml"];
+        assert!(parts.iter().all(|part| none.contains(part)), "{none}");
+        let some = said(&[assumed, assumed, known, known]).unwrap();
+        assert!(some.contains("2 of 4 frames"), "{some}");
     }
 
     #[test]

@@ -4,6 +4,12 @@ use super::measurement::Noise;
 use crate::estimator::preset::SAMPLE_RATE;
 use crate::math::{Lanes, Real};
 
+/// Velocity assumed until one is measured: north, west, up (m/s).
+pub const ASSUMED_FALL: [f32; 3] = [0.0, 0.0, -50.0];
+
+/// Standard deviation of each component of that velocity (m/s): people exit at up to 60 m/s, and some stand.
+pub const ASSUMED_DEVIATION: f32 = 25.0;
+
 /// How the model's derivatives are taken with respect to velocity and angular velocity, in which it is not linear; in all
 /// other coordinates it is, or they follow from these.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

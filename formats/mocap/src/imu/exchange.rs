@@ -48,17 +48,17 @@ pub(super) struct Calibration<'a> {
 }
 
 impl Calibration<'_> {
-    /// Two neighbours, or sensors of both sides, that were exchanged.
+    /// Two sensors that were exchanged, or pairs of both sides.
     pub(super) fn exchange(
         &self,
         sensors: &[(Segment, &Stream)],
         fitted: &[Fitted<f64>],
     ) -> Option<Exchange> {
         let as_said = self.misfit(sensors)?;
-        let tried = pairs(sensors).filter(|pair| are_alike(sensors, *pair));
-        let found = self
-            .best(sensors, tried)
-            .filter(|(_, misfit)| as_said > LEAST_MISFIT && *misfit < BETTER * as_said);
+        let found = (as_said > LEAST_MISFIT)
+            .then(|| self.best(sensors))
+            .flatten()
+            .filter(|(_, misfit)| *misfit < BETTER * as_said);
         let order = self
             .windows
             .march
@@ -88,17 +88,13 @@ impl Calibration<'_> {
 
     /// The exchange of any two with which the poses show a mounting of all sensors, if they do not as it is said.
     pub(super) fn remedy(&self, sensors: &[(Segment, &Stream)]) -> Option<[Segment; 2]> {
-        self.best(sensors, pairs(sensors)).map(|(pair, _)| pair)
+        self.best(sensors).map(|(pair, _)| pair)
     }
 
     /// The exchange with the least mismatch.
-    fn best(
-        &self,
-        sensors: &[(Segment, &Stream)],
-        tried: impl Iterator<Item = [usize; 2]>,
-    ) -> Option<([Segment; 2], f64)> {
+    fn best(&self, sensors: &[(Segment, &Stream)]) -> Option<([Segment; 2], f64)> {
         let mut best: Option<([Segment; 2], f64)> = None;
-        for [one, other] in tried {
+        for [one, other] in pairs(sensors) {
             let mut exchanged = sensors.to_vec();
             (exchanged[one].1, exchanged[other].1) = (sensors[other].1, sensors[one].1);
             let Some(misfit) = self.misfit(&exchanged) else {
@@ -169,18 +165,4 @@ fn order(
 fn pairs(sensors: &[(Segment, &Stream)]) -> impl Iterator<Item = [usize; 2]> {
     let count = sensors.len();
     (0..count).flat_map(move |one| (one + 1..count).map(move |other| [one, other]))
-}
-
-/// Whether two segments are neighbours in the set, or of both sides.
-fn are_alike(sensors: &[(Segment, &Stream)], [one, other]: [usize; 2]) -> bool {
-    let (one, other) = (sensors[one].0, sensors[other].0);
-    let is_worn = |segment: Segment| sensors.iter().any(|(worn, _)| *worn == segment);
-    let inner = |segment: Segment| {
-        let mut parent = segment.parent();
-        while let Some(found) = parent.filter(|parent| !is_worn(*parent)) {
-            parent = found.parent();
-        }
-        parent
-    };
-    one.mirrored() == other || inner(one) == Some(other) || inner(other) == Some(one)
 }

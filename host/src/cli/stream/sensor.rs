@@ -98,5 +98,8 @@ fn print(report: &SensorReport) {
             written.frames,
             written.estimates
         ));
+        if let Some(said) = written.without_posture() {
+            terminal::note(&said);
+        }
     }
 }
