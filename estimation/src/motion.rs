@@ -56,6 +56,36 @@ pub fn estimate(
     precision: Precision,
     reached: &mut dyn FnMut(f64),
 ) -> Result<Estimation> {
+    with_each(flight, settings, options, precision, reached, |by| {
+        by(settings.method)
+    })
+}
+
+/// Same as [`estimate`] by the filter and by the whole flight, instead of the method of the settings: what both need to know
+/// before is found once.
+///
+/// # Errors
+/// Returns an error if a file is unusable or the preset is refused.
+pub fn estimate_both(
+    flight: &Flight,
+    settings: &Settings,
+    options: Options,
+    precision: Precision,
+) -> Result<[Estimation; 2]> {
+    with_each(flight, settings, options, precision, &mut |_| (), |by| {
+        Ok([by(Method::Filter)?, by(Method::Smooth)?])
+    })
+}
+
+/// Prepares an estimation, and lets `of` estimate by any method.
+fn with_each<R>(
+    flight: &Flight,
+    settings: &Settings,
+    options: Options,
+    precision: Precision,
+    reached: &mut dyn FnMut(f64),
+    of: impl FnOnce(&dyn Fn(Method) -> Result<Estimation>) -> Result<R>,
+) -> Result<R> {
     let mut measured = MeasuredFlight::read(flight, options)?;
     let height = measured
         .samples
@@ -102,32 +132,42 @@ pub fn estimate(
     } else {
         Consistency::Consistent
     };
-    let is_smoothed = settings.method == Method::Smooth && measured.velocities.are_sampled();
-    let smooth = is_smoothed.then(|| {
-        if find_joint_error {
-            Sizes::any()
-        } else {
-            Sizes::about(f64::from(preset.joint_error))
-        }
-    });
-    let (points, collector, flags) = match (settings.filter, precision) {
-        (Filter::Paper, Single) => run.points::<f32, Full>(&preset, smooth, least)?,
-        (Filter::Paper, Double) => run.points::<f64, Full>(&preset, smooth, least)?,
-        (Filter::Reduced, Single) => run.points::<f32, Reduced>(&preset, smooth, least)?,
-        (Filter::Reduced, Double) => run.points::<f64, Reduced>(&preset, smooth, least)?,
+    let sizes = if find_joint_error {
+        Sizes::any()
+    } else {
+        Sizes::about(f64::from(preset.joint_error))
     };
-    let seconds = begin.elapsed().as_secs_f64();
-    progress::stage("simulating with the estimates");
-    let replayed = Replayed {
-        flight,
-        measured: &measured,
-    };
-    let mut estimation = replayed.report(points, &collector, flags, &preset, seconds)?;
-    if let Some(errors) = found {
-        errors.tell(&mut estimation.report);
+    // If joint errors wander in the first minute, the whole flight has no solution with constant ones.
+    let wanders = found.is_some_and(|errors| errors.wanders);
+    let has_whole = measured.velocities.are_sampled() && !wanders;
+    let whole = has_whole.then_some((sizes, preset));
+    if let Some(errors) = &found {
+        preset.damping_deviation = errors.damping;
     }
-    estimation.report.warn(measured.warnings.clone());
-    Ok(estimation)
+    let found_s = begin.elapsed().as_secs_f64();
+    let by = |method: Method| {
+        let begin = Instant::now();
+        let smooth = whole.clone().filter(|_| method == Method::Smooth);
+        let (points, collector, flags) = match (settings.filter, precision) {
+            (Filter::Paper, Single) => run.points::<f32, Full>(&preset, smooth, least)?,
+            (Filter::Paper, Double) => run.points::<f64, Full>(&preset, smooth, least)?,
+            (Filter::Reduced, Single) => run.points::<f32, Reduced>(&preset, smooth, least)?,
+            (Filter::Reduced, Double) => run.points::<f64, Reduced>(&preset, smooth, least)?,
+        };
+        let seconds = found_s + begin.elapsed().as_secs_f64();
+        progress::stage("simulating with the estimates");
+        let replayed = Replayed {
+            flight,
+            measured: &measured,
+        };
+        let mut estimation = replayed.report(points, &collector, flags, &preset, seconds)?;
+        if let Some(errors) = found {
+            errors.tell(&mut estimation.report);
+        }
+        estimation.report.warn(measured.warnings.clone());
+        Ok(estimation)
+    };
+    of(&by)
 }
 
 /// Root of the mean square of the errors of all segments but the pelvis (rad).

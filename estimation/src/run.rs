@@ -94,12 +94,12 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Estimates with a filter, and by the whole flight if `smooth` gives the possible sizes of the joint errors. `least` is
-    /// the least doubt of each estimate.
+    /// Estimates with a filter, and by the whole flight if `smooth` gives the possible sizes of the joint errors and the preset
+    /// for it. `least` is the least doubt of each estimate.
     pub(crate) fn points<T: Real, P: Propagation<T>>(
         &self,
         preset: &MotionPreset,
-        smooth: Option<Sizes>,
+        smooth: Option<(Sizes, MotionPreset)>,
         least: Consistency,
     ) -> Result<(Vec<Point>, Collector, Flags)> {
         let mut points = Vec::new();
@@ -143,8 +143,8 @@ impl<'a> Run<'a> {
                 });
             },
         )?;
-        if let Some(sizes) = smooth {
-            let solution = self.whole(preset, sizes, &states, &activity).solve()?;
+        if let Some((sizes, preset)) = smooth {
+            let solution = self.whole(&preset, sizes, &states, &activity).solve()?;
             let known = solution.map_or_else(Vec::new, |solution| solution.known);
             for (point, place) in points.iter_mut().zip(places) {
                 let Some(known) = known.get(place) else {
