@@ -138,7 +138,7 @@ impl<'a> Whole<'a> {
     fn until(&mut self, settled: f64) -> Result<Option<Solution>> {
         let [least, most] = ITERATIONS;
         for iteration in 1..=most {
-            progress::stage(format!("smoothing, pass {iteration}"));
+            progress::stage(format!("smoothing, pass {iteration} of {least} to {most}"));
             let before = self.assumed.preset.joint_error;
             let Some((solution, step)) = self.iterate()? else {
                 break;
