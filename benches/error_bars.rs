@@ -4,7 +4,7 @@
 //! `cargo bench -p bodyflight-benches --bench error_bars -- --seeds 3 --scores FILE --seconds 200 --write` flies all maneuvers
 //! and writes the table of `docs/estimator.md`. It begins no flight after the given time, and keeps what it flew in the file;
 //! the same command goes on from there until all is flown. Seed by seed, a maneuver with every joint error comes before the
-//! next one, so rows are comparable at any time; their last column says how many flights they have. Without `--write` the
+//! next one, so rows are comparable at any time, and say how many flights they have. Without `--write` the
 //! table is only printed.
 //!
 //! Inputs are those of the maneuver, and beside them vary as slowly and as much as the filter expects of quiet input;
@@ -201,7 +201,6 @@ fn main() {
         only.is_none_or(|only| only.split(',').any(|meant| meant == name))
     };
     println!("{HEAD}");
-    let mut table: Vec<String> = HEAD.lines().map(str::to_owned).collect();
     if let Some(folder) = option("--flights") {
         let seconds = |name: &str| option(name).map(|text| text.parse().expect("a number"));
         let receiver = seconds("--receiver").map(|rate| Receiver {

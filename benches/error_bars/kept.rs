@@ -80,16 +80,35 @@ impl Kept {
     }
 }
 
-/// Replaces the table of `docs/estimator.md`.
+/// Columns of a row that the page shows.
+const SHOWN: usize = 7;
+
+/// Replaces rows of the table of `docs/estimator.md` by those that were flown, and adds new ones.
 pub(super) fn write(rows: &[String]) {
+    let shown = |row: &String| row.split_inclusive('|').take(SHOWN + 1).collect::<String>();
+    let mut rows: Vec<String> = rows.iter().map(shown).collect();
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/estimator.md");
     let text = std::fs::read_to_string(&page).expect("the page");
-    let (before, rest) = text.split_once(HEAD).expect("the table of the page");
+    let head: Vec<String> = HEAD.lines().map(|line| shown(&line.to_owned())).collect();
+    let head = head.join("\n");
+    let (before, rest) = text.split_once(&head).expect("the table of the page");
     let rest = rest.trim_start_matches('\n');
-    let after: String = rest
-        .split_inclusive('\n')
-        .skip_while(|line| line.starts_with('|'))
-        .collect();
-    let text = format!("{before}{HEAD}\n{}\n{after}", rows.join("\n"));
+    let end = rest.find("\n\n").expect("text below the table");
+    let (present, after) = rest.split_at(end);
+    // The size of the joint errors and the method.
+    let name = |row: &str| {
+        row.split('|')
+            .take(3)
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
+    };
+    let mut table: Vec<String> = present.lines().map(str::to_owned).collect();
+    for row in &mut table {
+        if let Some(place) = rows.iter().position(|flown| name(flown) == name(row)) {
+            *row = rows.remove(place);
+        }
+    }
+    table.append(&mut rows);
+    let text = format!("{before}{head}\n{}{after}", table.join("\n"));
     std::fs::write(&page, text).expect("the page");
 }

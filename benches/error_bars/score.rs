@@ -10,8 +10,8 @@ const SEEN: f64 = 0.7;
 
 /// Head of the table.
 pub(super) const HEAD: &str = "\
-| joints (deg) | by | muscle input: squared error over variance, RMS error | damping: the same | where seen: muscle input, damping (share) | in 2 sd, % | joints found (deg) | doubted, consistent |
-|---|---|---|---|---|---|---|---|";
+| joints (deg) | by | muscle input: squared error over variance, RMS error | damping: the same | where seen: muscle input, damping (share) | in 2 sd, % | flights | joints found (deg) | doubted, consistent |
+|---|---|---|---|---|---|---|---|---|";
 
 /// Sums over the estimates of one input.
 #[derive(Default, Clone, Copy)]
@@ -144,10 +144,10 @@ impl Score {
         let place = |share: usize| joints.get(share * joints.len().saturating_sub(1) / 2);
         let [least, middle, most] = [0, 1, 2].map(|k| place(k).copied().unwrap_or(f64::NAN));
         format!(
-            "{muscle} | {damping} | {seen} | {} | {middle:.2} ({least:.2} to {most:.2}) | {} of {}, {:.0} % |",
+            "{muscle} | {damping} | {seen} | {} | {} | {middle:.2} ({least:.2} to {most:.2}) | {}, {:.0} % |",
             inside.join(", "),
-            self.doubted,
             joints.len(),
+            self.doubted,
             100.0 * self.consistent / self.estimates
         )
     }

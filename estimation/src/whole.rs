@@ -114,11 +114,11 @@ impl<'a> Whole<'a> {
     /// # Errors
     /// Returns an error if the program is interrupted.
     pub fn solve(mut self) -> Result<Option<Solution>> {
-        let mut found = self.until(SETTLED)?;
-        if let Some(solution) = &mut found {
-            self.load_by_joints(&mut solution.known);
-        }
-        Ok(found)
+        let Some((mut solution, true)) = self.until(SETTLED)? else {
+            return Ok(None);
+        };
+        self.load_by_joints(&mut solution.known);
+        Ok(Some(solution))
     }
 
     /// How much a filter has to expect; `None` if there is no solution or if joint errors wander.
@@ -127,35 +127,36 @@ impl<'a> Whole<'a> {
     /// Returns an error if the program is interrupted.
     pub fn expected(mut self) -> Result<Option<Expected>> {
         let found = self.until(NEARLY_SETTLED)?;
-        Ok(found.map(|solution| Expected {
+        Ok(found.map(|(solution, _)| Expected {
             size: solution.size,
             damping: self.damping,
         }))
     }
 
-    /// Iterates until the largest step of a joint error, in its standard deviations, is below `settled`; `None` if that does
-    /// not happen, or if joint errors wander.
-    fn until(&mut self, settled: f64) -> Result<Option<Solution>> {
+    /// Iterates until the largest step of a joint error, in its standard deviations, is below `settled`; returns the last
+    /// solution, and whether that happened. `None` if there is none or if joint errors wander.
+    fn until(&mut self, settled: f64) -> Result<Option<(Solution, bool)>> {
         let [least, most] = ITERATIONS;
+        let mut last = None;
         for iteration in 1..=most {
             progress::stage(format!("smoothing, pass {iteration} of {least} to {most}"));
             let before = self.assumed.preset.joint_error;
             let Some((solution, step)) = self.iterate()? else {
-                break;
+                return Ok(None);
             };
+            let is_settled = step < settled;
+            last = Some((solution, is_settled));
             if iteration < least {
                 continue;
             }
-            if self.stays() {
-                if step < settled {
-                    return Ok(Some(solution));
-                }
-            } else if self.assumed.preset.joint_error >= before {
-                // Errors that are not linear yet look like wander too, but less so with every pass.
+            // Errors that are not linear yet look like wander too, but less so with every pass.
+            let wanders_on = self.assumed.preset.joint_error >= before;
+            let is_over = if self.stays() { is_settled } else { wanders_on };
+            if is_over {
                 break;
             }
         }
-        Ok(None)
+        Ok(last.filter(|_| self.stays()))
     }
 
     /// Whether joint errors are constant, as far as the flight tells.
