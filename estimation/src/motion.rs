@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use bodyflight_core::Real;
 use bodyflight_core::body::{SEGMENT_COUNT, SegmentArray};
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::estimator::full::Full;
@@ -9,11 +10,13 @@ use bodyflight_core::estimator::motion::settings::MotionPreset;
 use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::reduced::Reduced;
 
-use crate::joint_errors::joint_errors;
+use crate::joint_errors::{JointErrors, joint_errors};
 use crate::measured::MeasuredFlight;
 use crate::replayed::Replayed;
+use crate::report::{Flags, Point};
 use crate::run::Run;
 use crate::size::Sizes;
+use crate::verdict::Collector;
 use crate::{Estimation, Filter};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::progress;
@@ -125,13 +128,8 @@ fn with_each<R>(
         preset.joint_error = counted;
         found = Some(errors);
     }
-    let implausible = found.is_some_and(|errors| !errors.is_plausible);
     reached(0.0);
-    let least = if implausible {
-        Consistency::Doubtful
-    } else {
-        Consistency::Consistent
-    };
+    let least = least_doubt(found.as_ref());
     let sizes = if find_joint_error {
         Sizes::any()
     } else {
@@ -148,11 +146,9 @@ fn with_each<R>(
     let by = |method: Method| {
         let begin = Instant::now();
         let smooth = whole.clone().filter(|_| method == Method::Smooth);
-        let (points, collector, flags) = match (settings.filter, precision) {
-            (Filter::Paper, Single) => run.points::<f32, Full>(&preset, smooth, least)?,
-            (Filter::Paper, Double) => run.points::<f64, Full>(&preset, smooth, least)?,
-            (Filter::Reduced, Single) => run.points::<f32, Reduced>(&preset, smooth, least)?,
-            (Filter::Reduced, Double) => run.points::<f64, Reduced>(&preset, smooth, least)?,
+        let (points, collector, flags) = match precision {
+            Single => points::<f32>(&run, settings.filter, &preset, smooth, least)?,
+            Double => points::<f64>(&run, settings.filter, &preset, smooth, least)?,
         };
         let seconds = found_s + begin.elapsed().as_secs_f64();
         progress::stage("simulating with the estimates");
@@ -168,6 +164,29 @@ fn with_each<R>(
         Ok(estimation)
     };
     of(&by)
+}
+
+/// Estimates in a precision with a form of the model.
+fn points<T: Real>(
+    run: &Run<'_>,
+    filter: Filter,
+    preset: &MotionPreset,
+    smooth: Option<(Sizes, MotionPreset)>,
+    least: Consistency,
+) -> Result<(Vec<Point>, Collector, Flags)> {
+    match filter {
+        Filter::Paper => run.points::<T, Full>(preset, smooth, least),
+        Filter::Reduced => run.points::<T, Reduced>(preset, smooth, least),
+    }
+}
+
+/// Least doubt of each estimate, for joint errors as found.
+fn least_doubt(found: Option<&JointErrors>) -> Consistency {
+    if found.is_some_and(|errors| !errors.is_plausible) {
+        Consistency::Doubtful
+    } else {
+        Consistency::Consistent
+    }
 }
 
 /// Root of the mean square of the errors of all segments but the pelvis (rad).

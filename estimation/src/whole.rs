@@ -121,12 +121,13 @@ impl<'a> Whole<'a> {
         Ok(Some(solution))
     }
 
-    /// How much a filter has to expect; `None` if there is no solution or if joint errors wander.
+    /// How much a filter has to expect; `None` if there is no solution, if joint errors wander, or if they do not settle.
     ///
     /// # Errors
     /// Returns an error if the program is interrupted.
     pub fn expected(mut self) -> Result<Option<Expected>> {
         let found = self.until(NEARLY_SETTLED)?;
+        let found = found.filter(|(_, is_settled)| *is_settled);
         Ok(found.map(|(solution, _)| Expected {
             size: solution.size,
             damping: self.damping,
