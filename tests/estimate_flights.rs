@@ -7,6 +7,13 @@
 
 use std::path::{Path, PathBuf};
 
+use bodyflight_core::estimator::motion::settings::MOTION;
+use bodyflight_core::estimator::motion::watch::Consistency;
+use bodyflight_estimation::Filter;
+use bodyflight_estimation::motion::{self, Method};
+use bodyflight_mvnx::recording::Options;
+use bodyflight_replay::Precision;
+use bodyflight_replay::flight::Flight;
 use bodyflight_shared_data::{shared, skipped};
 use bodyflight_tests::receiver::Receiver;
 use std::process::Command;
@@ -40,21 +47,14 @@ fn truth(flight: &Path) -> [f64; 6] {
     [pitch, 0.0, 0.0, 3.0 * damping, 0.5 * damping, 6.0 * damping]
 }
 
-/// A row of a table of estimates.
-struct Row {
-    time: f64,
-    is_consistent: bool,
-    /// Muscle input and damping, each with its standard deviation.
-    inputs: [(f64, f64); 6],
-}
-
-/// Runs the estimate. Returns its report, whether it reports doubt, and its table.
-fn estimated(flight: &Path, method: &str) -> (Value, bool, Vec<Row>) {
-    let table = flight.with_file_name(format!("{method}.csv"));
+/// Runs the estimate. Returns its report, whether it reports doubt, and muscle input and damping by time, each with its
+/// standard deviation.
+fn estimated(flight: &Path) -> (Value, bool, Vec<[(f64, f64); 6]>) {
+    let table = flight.with_file_name("filter.csv");
     let output = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
         .arg("estimate")
         .arg(flight)
-        .args(["--json", "--method", method, "--force", "--out"])
+        .args(["--json", "--force", "--out"])
         .arg(&table)
         .output()
         .expect("the binary starts");
@@ -81,38 +81,49 @@ fn estimated(flight: &Path, method: &str) -> (Value, bool, Vec<Row>) {
         "damp_roll",
     ];
     let places = names.map(|name| (place(name), place(&format!("sd_{name}"))));
-    let (time, state) = (place("time_s"), place("consistency"));
     let row = |line: &str| {
         let fields: Vec<&str> = line.split(',').collect();
         let number = |place: usize| fields[place].parse::<f64>().expect("a number");
-        Row {
-            time: number(time),
-            is_consistent: fields[state] == "consistent",
-            inputs: places.map(|(input, deviation)| (number(input), number(deviation))),
-        }
+        places.map(|(input, deviation)| (number(input), number(deviation)))
     };
     (report, code == Some(5), lines.map(row).collect())
 }
 
-/// Runs the estimate. Returns whether it reports doubt, and the longest uninterrupted time (s) for which any input had
-/// an error above four standard deviations and was reported as consistent.
-fn judged(flight: &Path, truth: [f64; 6], method: &str) -> (bool, f64) {
-    let (_, is_doubted, rows) = estimated(flight, method);
-    let (mut last, mut runs, mut longest) = (0.0, [0.0; 6], 0.0f64);
-    for row in rows {
-        for ((run, truth), (input, deviation)) in runs.iter_mut().zip(truth).zip(row.inputs) {
-            let wrong = (input - truth).abs() > 4.0 * deviation;
-            let unflagged = wrong && row.is_consistent;
-            *run = if unflagged {
-                *run + row.time - last
-            } else {
-                0.0
-            };
-            longest = longest.max(*run);
+/// Estimates a flight as the program does, by filter and by smoother. Returns whether each reports doubt, and the longest
+/// uninterrupted time (s) for which any input had an error above four standard deviations and was reported as consistent.
+fn judged(flight: &Path, truth: [f64; 6]) -> [(bool, f64); 2] {
+    let flight = Flight::read(flight).expect("a flight");
+    let mut preset = MOTION;
+    #[expect(clippy::cast_possible_truncation, reason = "a coefficient")]
+    let damping = flight.subject.damping().map(|value| value as f32);
+    preset.damping = damping.to_array();
+    let settings = motion::Settings {
+        preset,
+        keep_noise: false,
+        find_joint_error: true,
+        filter: Filter::Paper,
+        method: Method::Smooth,
+    };
+    let both = motion::estimate_both(&flight, &settings, Options::default(), Precision::Double);
+    both.expect("estimates").map(|estimation| {
+        let (mut last, mut runs, mut longest) = (0.0, [0.0; 6], 0.0f64);
+        for point in &estimation.points {
+            let [_, found @ ..] = point.inputs.columns();
+            let [_, deviation @ ..] = point.deviation.columns();
+            for (k, run) in runs.iter_mut().enumerate() {
+                let wrong = (found[k] - truth[k]).abs() > 4.0 * deviation[k];
+                let unflagged = wrong && point.consistency == Some(Consistency::Consistent);
+                *run = if unflagged {
+                    *run + point.time - last
+                } else {
+                    0.0
+                };
+                longest = longest.max(*run);
+            }
+            last = point.time;
         }
-        last = row.time;
-    }
-    (is_doubted, longest)
+        (estimation.report.doubt.is_some(), longest)
+    })
 }
 
 #[test]
@@ -135,8 +146,8 @@ fn flights_of_another_simulator_are_consistent_or_flagged() {
                 skipped("there is no xz to unpack the flights with");
                 return;
             };
-            for method in ["filter", "smooth"] {
-                let (flagged, unflagged) = judged(&flight, truth(&from), method);
+            let both = judged(&flight, truth(&from));
+            for (method, (flagged, unflagged)) in ["filter", "smooth"].into_iter().zip(both) {
                 let name = from.strip_prefix(&flights).expect("inside").display();
                 let row = format!(
                     "{name}, {method}: {}, {unflagged:.2} s wrong by four deviations and not flagged",
@@ -184,14 +195,14 @@ fn a_receiver_at_any_rate_is_agreed_with() {
             };
             let track = receiver.track(&folder.path().join("flight.mvnx"), 3);
             std::fs::write(folder.path().join("TRACK.CSV"), track).expect("a file");
-            let (report, is_doubted, rows) = estimated(&flight, "filter");
+            let (report, is_doubted, rows) = estimated(&flight);
             let name = format!("{pair}, {rate} Hz, errors of {lasts} s");
             assert!(!is_doubted, "{name}: {report}");
             let share = report["consistency"]["consistent"].as_f64();
             shares.push((name.clone(), share.expect("a share")));
             let truth = truth(&from);
             let ratios = rows.iter().flat_map(|row| {
-                let pairs = row.inputs.into_iter().zip(truth).take(3);
+                let pairs = row.iter().zip(truth).take(3);
                 pairs.map(|((found, deviation), truth)| ((found - truth) / deviation).powi(2))
             });
             let ratios: Vec<f64> = ratios.collect();

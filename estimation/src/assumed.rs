@@ -3,7 +3,7 @@
 use bodyflight_core::estimator::motion::settings::MotionPreset;
 
 use crate::size::Sizes;
-use crate::smoother::{Score, Scores};
+use crate::smoother::backward::{Score, Scores};
 
 /// Assumptions about the noise.
 #[derive(Debug, Clone)]
@@ -20,7 +20,7 @@ pub struct Assumed {
 
 /// Deviations of muscle input and damping about their constant offsets, as shares of the preset's: initial and least.
 const MUSCLE_SHARES: [f32; 2] = [0.67, 0.5];
-const DAMPING_SHARES: [f32; 2] = [0.6, 0.6];
+const DAMPING_SHARES: [f32; 2] = [0.5, 0.3];
 /// Wander of the joints (deg), initial and least, and its time constant (s).
 const WANDER: [f32; 2] = [0.1, 0.05];
 const WANDER_TIME: f32 = 5.0;

@@ -63,6 +63,12 @@ impl Information {
         self.square += effect * effect.transpose() / variance;
     }
 
+    /// Adds a gradient of the log likelihood with respect to a quantity, and the derivatives of that with respect to the
+    /// constants.
+    pub fn pull(&mut self, effect: &Constants, gradient: f64) {
+        self.seen += effect * gradient;
+    }
+
     /// Estimates the constants, given their prior mean `expected`, relative to their present values, the possible sizes of
     /// the joint errors, and the prior deviations of the offsets: the mean over all sizes, and a covariance that includes
     /// the differences between them. `None` if the information is not finite.

@@ -7,6 +7,7 @@
 use bodyflight_core::Posture;
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::dynamics::applied_load::AppliedLoads;
+use bodyflight_core::dynamics::interval::Interval;
 use bodyflight_core::dynamics::muscle_input::MuscleModel;
 use bodyflight_core::dynamics::{Dynamics, Motion, PostureSample};
 use bodyflight_core::estimator::motion::measurement::{
@@ -16,15 +17,17 @@ use bodyflight_core::estimator::motion::process::Process;
 use bodyflight_core::estimator::motion::repeats::{BELIEVED, Repeats};
 use bodyflight_core::estimator::motion::settings::MotionPreset;
 use bodyflight_core::estimator::motion::state::{
-    Difference, FlightState, INPUT_STATES, MUSCLE, input_vector,
+    Difference, FlightState, INPUT_STATES, MOTION_STATES, MUSCLE, RESIDUAL_MOMENT, input_vector,
 };
 use bodyflight_core::estimator::motion::transition::{self, MotionSlope};
 use bodyflight_core::estimator::unscented::SettingsError;
+use bodyflight_core::frame::Vector;
 use nalgebra::Vector3;
 
 use crate::constants::Found;
 use crate::joints::{Directions, JointDirections};
-use crate::smoother::{Backward, Pass, Scores, Smoothed};
+use crate::smoother::backward::{Backward, Scores, Smoothed};
+use crate::smoother::{Damped, Pass};
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::{interrupt, progress};
 
@@ -33,9 +36,6 @@ pub const STRIDE: usize = 2;
 
 /// Intervals in a block: a minute of flight and some seconds, so that no flight of a minute is flown twice.
 pub(crate) const BLOCK: usize = 8192;
-
-/// Factor on the deviations, for the errors of linearization and of the choice of noise.
-const CAUTION: f64 = 1.25;
 
 /// An instant of the flight.
 #[derive(Debug, Clone)]
@@ -74,6 +74,8 @@ pub(crate) struct Course<'a> {
     pub(crate) trajectory: Vec<FlightState<f64>>,
     /// Joint errors for which postures are corrected (rad, along the directions).
     pub(crate) errors: Directions,
+    /// What pulls the damping at the start and at the end of each interval, from the last iteration; empty before.
+    pub(crate) pulls: Vec<[f64; 3]>,
     /// Number of intervals whose results are kept at a time.
     pub(crate) block: usize,
 }
@@ -166,7 +168,7 @@ impl<'a> Forward<'a> {
             first: 0,
             intervals: vec![sample],
         };
-        forward.measure(start, first);
+        forward.measure(0, start, first);
         Ok(forward)
     }
 
@@ -208,16 +210,17 @@ impl<'a> Forward<'a> {
         );
         let gap = to.difference(&flown, sample);
         let loads = course.directions.at(index);
-        self.pass.cross(&slope, process, &gap, &loads);
+        let damped = damped(dynamics, sample, &from.motion.motion(sample), &slope);
+        self.pass.cross(&slope, process, &gap, &loads, &damped);
         self.repeats
             .take(&MotionMeasurement::of(end.motion), duration);
-        self.measure(to, end);
+        self.measure(next, to, end);
         self.intervals.push(self.sample);
         true
     }
 
-    /// Updates with the measurements at the end of the interval, where the trajectory has this state.
-    fn measure(&mut self, state: &FlightState<f64>, end: &Sample<'_>) {
+    /// Updates with the measurements at the end of the interval `index`, where the trajectory has this state.
+    fn measure(&mut self, index: usize, state: &FlightState<f64>, end: &Sample<'_>) {
         let prediction = Prediction::of(state, &self.sample);
         let measured = MotionMeasurement::of(end.motion).into();
         for channel in 0..CHANNELS {
@@ -229,6 +232,9 @@ impl<'a> Forward<'a> {
                 let variance = self.noise.variance(channel, spin);
                 self.pass.take(&row, variance, self.gate);
             }
+        }
+        if let Some(pull) = self.course.pulls.get(index) {
+            self.pass.pull(*pull);
         }
         self.pass.settle();
     }
@@ -310,13 +316,13 @@ impl<'a> Flown<'a> {
     }
 }
 
-/// Deviations to report, from those of the linear problem.
+/// Deviations to report: those of the linear problem, and of muscle input also what may go unnoticed.
 fn stated(
     process: &Process<f64>,
     deviation: &Difference<f64>,
     activity: &[f64; 3],
 ) -> Difference<f64> {
-    let mut stated = deviation * CAUTION;
+    let mut stated = *deviation;
     for (axis, activity) in activity.iter().enumerate() {
         let known = deviation[MUSCLE + axis] * deviation[MUSCLE + axis];
         stated[MUSCLE + axis] =
@@ -332,6 +338,22 @@ fn ahead(process: &Process<f64>, start: &FlightState<f64>) -> Difference<f64> {
         .fixed_rows_mut::<INPUT_STATES>(MUSCLE)
         .copy_from(&(process.centre() - input_vector(&start.inputs)));
     ahead
+}
+
+/// Change of the motion over an interval by each damping coefficient, per angular velocity about its axis; `slope` has the
+/// change by a moment.
+fn damped(
+    dynamics: &Dynamics<f64>,
+    interval: &PostureSample<f64>,
+    motion: &Motion<f64>,
+    slope: &MotionSlope<f64>,
+) -> Damped {
+    let velocity = Vector::from_components(through_air(dynamics, motion));
+    let density = dynamics.air.density.at(motion.position.up());
+    let loads = interval.unit_loads(dynamics, &velocity, &motion.angular_velocity, density);
+    let pressure = 0.5 * density * velocity.norm_squared();
+    let by_moments = slope.fixed_view::<MOTION_STATES, 3>(0, RESIDUAL_MOMENT);
+    by_moments * (-loads.damping / pressure)
 }
 
 /// How fast the airflow rotates about the body (rad/s).

@@ -12,6 +12,7 @@ use crate::forward::STRIDE;
 use crate::report::{JointErrorSource, Report};
 use crate::run::Run;
 use crate::size::{Size, Sizes};
+use crate::whole::Expected;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::progress;
 
@@ -34,12 +35,16 @@ const WANDER_KNOWN: f64 = 0.55;
 /// other problem. The first is for constant errors, the second for the most likely size of wandering ones.
 const IMPLAUSIBLE: [f64; 2] = [5.7, 3.0];
 
-/// The joint errors of a flight.
+/// The joint errors of a flight, and what is found with them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct JointErrors {
     /// The size with which the filter counts is its root mean square.
     pub(crate) size: Size,
     pub(crate) source: JointErrorSource,
+    /// Standard deviations of the damping that the filter has to expect.
+    pub(crate) damping: [f32; 3],
+    /// Whether they wander.
+    pub(crate) wanders: bool,
     /// Whether joints may be off by so much.
     pub(crate) is_plausible: bool,
 }
@@ -62,12 +67,12 @@ impl JointErrors {
 
 /// Finds how large the joint errors are.
 pub(crate) fn joint_errors(run: &Run<'_>, preset: &MotionPreset) -> Result<JointErrors> {
-    let constant = if run.velocities.are_sampled() {
-        constant(run, preset)?
+    let expected = if run.velocities.are_sampled() {
+        expected(run, preset)?
     } else {
         None
     };
-    if let Some(size) = constant {
+    if let Some(Expected { size, damping }) = expected {
         return Ok(JointErrors {
             size,
             source: if size.is_seen() {
@@ -75,6 +80,9 @@ pub(crate) fn joint_errors(run: &Run<'_>, preset: &MotionPreset) -> Result<Joint
             } else {
                 JointErrorSource::Assumed
             },
+            #[expect(clippy::cast_possible_truncation, reason = "coefficients")]
+            damping: damping.map(|deviation| deviation as f32),
+            wanders: false,
             is_plausible: size.mean < IMPLAUSIBLE[0].to_radians(),
         });
     }
@@ -84,12 +92,15 @@ pub(crate) fn joint_errors(run: &Run<'_>, preset: &MotionPreset) -> Result<Joint
     Ok(JointErrors {
         size: Size { mean, deviation },
         source: JointErrorSource::Seen,
+        // What wanders is taken for damping that varies.
+        damping: preset.damping_deviation,
+        wanders: true,
         is_plausible: likely < IMPLAUSIBLE[1].to_radians(),
     })
 }
 
-/// The size of the joint errors, if they are constant.
-fn constant(run: &Run<'_>, preset: &MotionPreset) -> Result<Option<Size>> {
+/// What the first minute as a whole says of the joint errors and of the damping, if joint errors are constant.
+fn expected(run: &Run<'_>, preset: &MotionPreset) -> Result<Option<Expected>> {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -113,7 +124,8 @@ fn constant(run: &Run<'_>, preset: &MotionPreset) -> Result<Option<Size>> {
             }
         },
     )?;
-    part.whole(preset, Sizes::any(), &states, &activity).size()
+    part.whole(preset, Sizes::any(), &states, &activity)
+        .expected()
 }
 
 /// The most likely size (rad) of joint errors that wander.

@@ -142,3 +142,50 @@ fn loads_by_axes<'a>(
         SMatrix::from_columns(&columns)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use bodyflight_core::body::anthropometry::{Person, Sex};
+    use bodyflight_core::body::pattern;
+    use bodyflight_core::estimator::motion::posture_error::load;
+    use bodyflight_core::frame::{Vector, facing_north};
+
+    use super::*;
+
+    #[test]
+    fn loads_follow_large_errors_once_they_are_computed_anew() {
+        let person = Person::new(1.75, 75.0, Sex::Male);
+        let dynamics = Dynamics::<f64>::paper(person.body().unwrap(), 1.0);
+        let inertial_from_body = facing_north(1.4);
+        let motion = Motion {
+            inertial_from_body,
+            position: Vector::zero(),
+            velocity: inertial_from_body.inverse() * Vector::new(3.0, 1.0, -50.0),
+            angular_velocity: Vector::new(0.2, 0.1, -0.3),
+        };
+        let posture = pattern::neutral::<f64>();
+        let flight = || [(&posture, &motion)].into_iter();
+        let mut directions = JointDirections::new(&dynamics, None, flight());
+        let errors = Directions::from_fn(|k, _| if k.is_multiple_of(2) { 0.25 } else { -0.25 });
+        let further = Directions::from_fn(|k, _| if k < 3 { 0.01 } else { 0.0 });
+        let mut sample = PostureSample::blank();
+        let mut at = |errors: &Directions| {
+            let corrected = directions.corrected(&posture, errors);
+            load(&dynamics, &corrected, &motion, &mut sample)
+        };
+        let expected = at(&(errors + further)) - at(&errors);
+        let gap = |directions: &JointDirections| {
+            (directions.at(0) * further - expected).norm() / expected.norm()
+        };
+        let before = gap(&directions);
+        directions.renew(&dynamics, &errors, flight());
+        let after = gap(&directions);
+        assert!(
+            after < 0.1 && before > 2.0 * after,
+            "{before:.3} {after:.3}"
+        );
+        // A quarter radian in each of 24 directions is 10 degrees in each of 45 axes.
+        let turn = JointDirections::turn(&errors).to_degrees();
+        assert!((9.0..12.0).contains(&turn), "{turn}");
+    }
+}

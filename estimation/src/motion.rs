@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use bodyflight_core::Real;
 use bodyflight_core::body::{SEGMENT_COUNT, SegmentArray};
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::estimator::full::Full;
@@ -9,10 +10,11 @@ use bodyflight_core::estimator::motion::settings::MotionPreset;
 use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::reduced::Reduced;
 
-use crate::joint_errors::joint_errors;
+use crate::joint_errors::{JointErrors, joint_errors};
 use crate::measured::MeasuredFlight;
 use crate::replayed::Replayed;
-use crate::run::Run;
+
+use crate::run::{Points, Run};
 use crate::size::Sizes;
 use crate::{Estimation, Filter};
 use bodyflight_io::diagnostic::{Problem, Result};
@@ -56,6 +58,36 @@ pub fn estimate(
     precision: Precision,
     reached: &mut dyn FnMut(f64),
 ) -> Result<Estimation> {
+    with_each(flight, settings, options, precision, reached, |by| {
+        by(settings.method)
+    })
+}
+
+/// Same as [`estimate`] by the filter and by the whole flight, instead of the method of the settings: what both need to know
+/// before is found once.
+///
+/// # Errors
+/// Returns an error if a file is unusable or the preset is refused.
+pub fn estimate_both(
+    flight: &Flight,
+    settings: &Settings,
+    options: Options,
+    precision: Precision,
+) -> Result<[Estimation; 2]> {
+    with_each(flight, settings, options, precision, &mut |_| (), |by| {
+        Ok([by(Method::Filter)?, by(Method::Smooth)?])
+    })
+}
+
+/// Prepares an estimation, and lets `of` estimate by any method.
+fn with_each<R>(
+    flight: &Flight,
+    settings: &Settings,
+    options: Options,
+    precision: Precision,
+    reached: &mut dyn FnMut(f64),
+    of: impl FnOnce(&dyn Fn(Method) -> Result<Estimation>) -> Result<R>,
+) -> Result<R> {
     let mut measured = MeasuredFlight::read(flight, options)?;
     let height = measured
         .samples
@@ -95,39 +127,65 @@ pub fn estimate(
         preset.joint_error = counted;
         found = Some(errors);
     }
-    let implausible = found.is_some_and(|errors| !errors.is_plausible);
     reached(0.0);
-    let least = if implausible {
+    let least = least_doubt(found.as_ref());
+    let sizes = if find_joint_error {
+        Sizes::any()
+    } else {
+        Sizes::about(f64::from(preset.joint_error))
+    };
+    // If joint errors wander in the first minute, the whole flight has no solution with constant ones.
+    let wanders = found.is_some_and(|errors| errors.wanders);
+    let has_whole = measured.velocities.are_sampled() && !wanders;
+    let whole = has_whole.then_some((sizes, preset));
+    if let Some(errors) = &found {
+        preset.damping_deviation = errors.damping;
+    }
+    let found_s = begin.elapsed().as_secs_f64();
+    let by = |method: Method| {
+        let begin = Instant::now();
+        let smooth = whole.clone().filter(|_| method == Method::Smooth);
+        let estimates = match precision {
+            Single => points::<f32>(&run, settings.filter, &preset, smooth, least)?,
+            Double => points::<f64>(&run, settings.filter, &preset, smooth, least)?,
+        };
+        let seconds = found_s + begin.elapsed().as_secs_f64();
+        progress::stage("simulating with the estimates");
+        let replayed = Replayed {
+            flight,
+            measured: &measured,
+        };
+        let mut estimation = replayed.report(estimates, &preset, seconds)?;
+        if let Some(errors) = found {
+            errors.tell(&mut estimation.report);
+        }
+        estimation.report.warn(measured.warnings.clone());
+        Ok(estimation)
+    };
+    of(&by)
+}
+
+/// Estimates in a precision with a form of the model.
+fn points<T: Real>(
+    run: &Run<'_>,
+    filter: Filter,
+    preset: &MotionPreset,
+    smooth: Option<(Sizes, MotionPreset)>,
+    least: Consistency,
+) -> Result<Points> {
+    match filter {
+        Filter::Paper => run.points::<T, Full>(preset, smooth, least),
+        Filter::Reduced => run.points::<T, Reduced>(preset, smooth, least),
+    }
+}
+
+/// Least doubt of each estimate, for joint errors as found.
+fn least_doubt(found: Option<&JointErrors>) -> Consistency {
+    if found.is_some_and(|errors| !errors.is_plausible) {
         Consistency::Doubtful
     } else {
         Consistency::Consistent
-    };
-    let is_asked = settings.method == Method::Smooth && measured.velocities.are_sampled();
-    let smooth = is_asked.then(|| {
-        if find_joint_error {
-            Sizes::any()
-        } else {
-            Sizes::about(f64::from(preset.joint_error))
-        }
-    });
-    let estimates = match (settings.filter, precision) {
-        (Filter::Paper, Single) => run.points::<f32, Full>(&preset, smooth, least)?,
-        (Filter::Paper, Double) => run.points::<f64, Full>(&preset, smooth, least)?,
-        (Filter::Reduced, Single) => run.points::<f32, Reduced>(&preset, smooth, least)?,
-        (Filter::Reduced, Double) => run.points::<f64, Reduced>(&preset, smooth, least)?,
-    };
-    let seconds = begin.elapsed().as_secs_f64();
-    progress::stage("simulating with the estimates");
-    let replayed = Replayed {
-        flight,
-        measured: &measured,
-    };
-    let mut estimation = replayed.report(estimates, &preset, seconds)?;
-    if let Some(errors) = found {
-        errors.tell(&mut estimation.report);
     }
-    estimation.report.warn(measured.warnings.clone());
-    Ok(estimation)
 }
 
 /// Root of the mean square of the errors of all segments but the pelvis (rad).

@@ -108,12 +108,12 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Estimates with a filter, and by the whole flight if `smooth` gives the possible sizes of the joint errors. `least` is
-    /// the least doubt of each estimate.
+    /// Estimates with a filter, and by the whole flight if `smooth` gives the possible sizes of the joint errors and the preset
+    /// for it. `least` is the least doubt of each estimate.
     pub(crate) fn points<T: Real, P: Propagation<T>>(
         &self,
         preset: &MotionPreset,
-        smooth: Option<Sizes>,
+        smooth: Option<(Sizes, MotionPreset)>,
         least: Consistency,
     ) -> Result<Points> {
         let mut points = Vec::new();
@@ -158,8 +158,8 @@ impl<'a> Run<'a> {
             },
         )?;
         let mut is_smoothed = false;
-        if let Some(sizes) = smooth {
-            let solution = self.whole(preset, sizes, &states, &activity).solve()?;
+        if let Some((sizes, preset)) = smooth {
+            let solution = self.whole(&preset, sizes, &states, &activity).solve()?;
             let known = solution.map_or_else(Vec::new, |solution| solution.known);
             is_smoothed = !known.is_empty();
             for (point, place) in points.iter_mut().zip(places) {

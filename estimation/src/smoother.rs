@@ -9,20 +9,30 @@
 //! values and covariance. They are errors of the recorded joints ([`joints`](super::joints)), and constant offsets of
 //! muscle input and damping.
 //!
+//! Damping multiplies an angular velocity that is itself uncertain. The most likely trajectory and damping together are
+//! biased: an angular velocity that is mostly noise is explained best by a damping that lets the noise grow. The likelihood
+//! of the damping alone, over all trajectories, has one more term, the covariance of the angular velocity with what changes
+//! it in the next interval. Its gradient [pulls](backward::Scores::pulls) the damping in the next iteration.
+//!
 //! The adjoint also gives the gradient of the likelihood with respect to the noise of each input: the ratio of its
 //! square to the expected square is 1 if the noise is as large as assumed.
+
+pub mod backward;
 
 use bodyflight_core::estimator::motion::measurement::Row;
 use bodyflight_core::estimator::motion::process::Process;
 use bodyflight_core::estimator::motion::state::{
-    Covariance, Difference, INPUT_STATES, MOTION_STATES, RESIDUAL_FORCE, STATES,
+    Covariance, DAMPING, Difference, INPUT_STATES, MOTION_STATES, RESIDUAL_FORCE, STATES,
 };
 use bodyflight_core::estimator::motion::transition::{MotionSlope, spread};
 use bodyflight_core::estimator::motion::update::{self, Innovation};
 use nalgebra::{SMatrix, SVector};
 
-use crate::constants::{CONSTANTS, Constants, Found, Information};
+use crate::constants::{CONSTANTS, Constants, Information};
 use crate::joints::{DIRECTIONS, Loads};
+
+/// Change of the motion over an interval by each damping coefficient, per angular velocity about its axis.
+pub type Damped = SMatrix<f64, MOTION_STATES, 3>;
 
 /// Sensitivity of the state to each constant.
 type Effect = SMatrix<f64, STATES, CONSTANTS>;
@@ -43,6 +53,9 @@ struct Taken {
 struct Step {
     slope: MotionSlope<f64>,
     decay: SVector<f64, INPUT_STATES>,
+    damped: Damped,
+    /// What pulled the damping after the measurements.
+    pull: [f64; 3],
     residual: SMatrix<f64, 6, 6>,
     activity: [f64; 3],
     taken: Vec<Taken>,
@@ -63,56 +76,6 @@ pub struct Pass {
     information: Information,
 }
 
-/// The smoothed estimate at an instant.
-pub struct Smoothed {
-    /// Correction to the trajectory.
-    pub correction: Difference<f64>,
-    /// Standard deviations after the correction.
-    pub deviation: Difference<f64>,
-}
-
-/// Sums of squares found for a noise, and expected for it.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Score {
-    found: f64,
-    expected: f64,
-}
-
-impl Score {
-    fn add(&mut self, found: f64, expected: f64, weight: f64) {
-        self.found += weight * found;
-        self.expected += weight * expected;
-    }
-
-    /// The sum of both scores.
-    pub fn joined(self, other: &Self) -> Self {
-        Self {
-            found: self.found + other.found,
-            expected: self.expected + other.expected,
-        }
-    }
-
-    /// Factor by which to multiply the assumed variance.
-    pub fn factor(&self) -> f64 {
-        if self.expected > 0.0 {
-            self.found / self.expected
-        } else {
-            1.0
-        }
-    }
-}
-
-/// Size of each noise relative to the assumed one.
-#[derive(Debug, Clone, Default)]
-pub struct Scores {
-    /// Quiet muscle input and damping, each in pitch, yaw and roll.
-    pub quiet: [Score; 6],
-    /// The residual load.
-    pub residual: Score,
-    /// Muscle input and damping per interval; the first entry is the start.
-    pub each: Vec<[Score; 6]>,
-}
-
 /// Propagates errors from the beginning of an interval to its end.
 fn crossed<const N: usize>(
     slope: &MotionSlope<f64>,
@@ -129,29 +92,6 @@ fn crossed<const N: usize>(
         }
     }
     after
-}
-
-/// The transpose of [`crossed`].
-fn uncrossed<const N: usize>(
-    slope: &MotionSlope<f64>,
-    decay: &SVector<f64, INPUT_STATES>,
-    adjoint: &SMatrix<f64, STATES, N>,
-) -> SMatrix<f64, STATES, N> {
-    let motion = adjoint.fixed_rows::<MOTION_STATES>(0).into_owned();
-    let mut before = slope.tr_mul(&motion);
-    for column in 0..N {
-        for k in 0..INPUT_STATES {
-            before[(MOTION_STATES + k, column)] += decay[k] * adjoint[(MOTION_STATES + k, column)];
-        }
-    }
-    before
-}
-
-/// Information from later measurements, in the backward pass.
-struct Adjoint {
-    value: Difference<f64>,
-    information: Covariance<f64>,
-    effect: Effect,
 }
 
 impl Pass {
@@ -178,6 +118,7 @@ impl Pass {
         process: &Process<f64>,
         gap: &Difference<f64>,
         loads: &Loads,
+        damped: &Damped,
     ) {
         let decay = process.decay();
         self.difference = crossed(slope, &decay, &self.difference) + gap;
@@ -193,6 +134,8 @@ impl Pass {
         self.steps.push(Step {
             slope: *slope,
             decay,
+            damped: *damped,
+            pull: [0.0; 3],
             residual: process.residual_covariance(),
             activity: process.activity(),
             taken: Vec::new(),
@@ -234,6 +177,18 @@ impl Pass {
         }
     }
 
+    /// Pulls the damping at the end of the interval by a gradient of the log likelihood.
+    pub fn pull(&mut self, pull: [f64; 3]) {
+        for (axis, pull) in pull.into_iter().enumerate() {
+            self.information
+                .pull(&self.effect.row(DAMPING + axis).transpose(), pull);
+            self.difference += self.covariance.column(DAMPING + axis) * pull;
+        }
+        if let Some(step) = self.steps.last_mut() {
+            step.pull = pull;
+        }
+    }
+
     /// Ends the interval: keeps the state after its updates for the backward pass.
     pub fn settle(&mut self) {
         update::keep_positive(&mut self.covariance);
@@ -242,6 +197,13 @@ impl Pass {
             step.covariance = self.covariance;
             step.effect = self.effect;
         }
+    }
+
+    /// Sum of the logarithms of the variances of all innovations.
+    #[cfg(test)]
+    pub fn log_determinant(&self) -> f64 {
+        let taken = self.steps.iter().flat_map(|step| &step.taken);
+        taken.map(|taken| taken.variance.ln()).sum()
     }
 
     /// What the flight says of the constants.
@@ -255,171 +217,19 @@ impl Pass {
     }
 }
 
-/// The backward pass, from the end of the flight.
-pub struct Backward<'a> {
-    constants: &'a Found,
-    adjoint: Adjoint,
-    scores: Scores,
-}
-
-impl<'a> Backward<'a> {
-    /// Starts at the end of the flight.
-    pub fn new(constants: &'a Found) -> Self {
-        Self {
-            constants,
-            adjoint: Adjoint {
-                value: Difference::zeros(),
-                information: Covariance::zeros(),
-                effect: Effect::zeros(),
-            },
-            scores: Scores::default(),
-        }
-    }
-
-    /// Runs backward over the intervals that a forward pass holds. Returns smoothed estimates at the end of each, the last
-    /// first.
-    pub fn over(&mut self, pass: &Pass) -> Vec<Smoothed> {
-        let (adjoint, constants) = (&mut self.adjoint, self.constants);
-        let steps = pass.steps.iter().rev();
-        let smoothed = steps.map(|step| {
-            let smoothed = step.smoothed(adjoint, constants);
-            for taken in step.taken.iter().rev() {
-                taken.back(adjoint, &constants.errors);
-            }
-            step.score(adjoint, constants, &mut self.scores);
-            step.back(adjoint);
-            smoothed
-        });
-        smoothed.collect()
-    }
-
-    /// Scores of the noises, at the start of the flight.
-    pub fn scores(mut self) -> Scores {
-        self.scores.each.reverse();
-        self.scores
-    }
-}
-
-impl Taken {
-    /// Goes backward through an update: with `K = spread / variance`, `(1 - K H)^T` times the later adjoint, plus the
-    /// channel's own innovation.
-    fn back(&self, adjoint: &mut Adjoint, errors: &Constants) {
-        let inverse = 1.0 / self.variance;
-        let gain = self.spread * inverse;
-        let innovation = self.innovation - self.effect.dot(errors);
-        let seen = gain.dot(&adjoint.value) + innovation * inverse;
-        let effect = adjoint.effect.tr_mul(&gain) + self.effect * inverse;
-        let information = &mut adjoint.information;
-        let column = *information * gain;
-        let known = gain.dot(&column) + inverse;
-        for k in 0..MOTION_STATES {
-            let slope = self.slope[k];
-            if slope == 0.0 {
-                continue;
-            }
-            adjoint.value[k] -= slope * seen;
-            for j in 0..CONSTANTS {
-                adjoint.effect[(k, j)] -= slope * effect[j];
-            }
-            for j in 0..STATES {
-                information[(k, j)] -= slope * column[j];
-                information[(j, k)] -= slope * column[j];
-            }
-            for j in 0..MOTION_STATES {
-                information[(k, j)] += slope * known * self.slope[j];
-            }
-        }
-    }
-}
-
 impl Step {
     fn start(covariance: &Covariance<f64>) -> Self {
         Self {
             slope: MotionSlope::zeros(),
             decay: SVector::zeros(),
+            damped: Damped::zeros(),
+            pull: [0.0; 3],
             residual: SMatrix::zeros(),
             activity: [0.0; 3],
             taken: Vec::new(),
             difference: Difference::zeros(),
             covariance: *covariance,
             effect: Effect::zeros(),
-        }
-    }
-
-    fn smoothed(&self, adjoint: &Adjoint, constants: &Found) -> Smoothed {
-        let correction =
-            self.difference + self.effect * constants.errors - self.covariance * adjoint.value;
-        let known = self.covariance * adjoint.information;
-        let effect = self.effect + self.covariance * adjoint.effect;
-        let by_constants = effect * constants.covariance;
-        let mut deviation = Difference::zeros();
-        for k in 0..STATES {
-            let lost: f64 = (0..STATES)
-                .map(|j| known[(k, j)] * self.covariance[(j, k)])
-                .sum();
-            let constants: f64 = by_constants.row(k).dot(&effect.row(k));
-            deviation[k] = ((self.covariance[(k, k)] - lost).max(0.0) + constants).sqrt();
-        }
-        Smoothed {
-            correction,
-            deviation,
-        }
-    }
-
-    /// Adds to the scores, at the end of the interval and before its measurements.
-    fn score(&self, adjoint: &Adjoint, constants: &Found, scores: &mut Scores) {
-        let inputs = adjoint.effect.fixed_rows::<INPUT_STATES>(MOTION_STATES);
-        let by_constants = inputs * constants.covariance;
-        let expected = |a: usize, b: usize| {
-            let known = adjoint.information[(MOTION_STATES + a, MOTION_STATES + b)];
-            known - by_constants.row(a).dot(&inputs.row(b))
-        };
-        let found = |k: usize| adjoint.value[MOTION_STATES + k];
-        scores.each.push(std::array::from_fn(|k| Score {
-            found: found(k) * found(k),
-            expected: expected(k, k),
-        }));
-        for k in 0..6 {
-            let (found, expected) = (found(k) * found(k), expected(k, k));
-            let quiet = 1.0 - self.activity[k % 3];
-            scores.quiet[k].add(found, expected, quiet);
-        }
-        for a in 0..6 {
-            for b in 0..6 {
-                let weight = self.residual[(a, b)];
-                let (found, expected) = (found(6 + a) * found(6 + b), expected(6 + a, 6 + b));
-                scores.residual.add(found, expected, weight);
-            }
-        }
-    }
-
-    /// Goes backward over the interval.
-    fn back(&self, adjoint: &mut Adjoint) {
-        adjoint.value = uncrossed(&self.slope, &self.decay, &adjoint.value);
-        adjoint.effect = uncrossed(&self.slope, &self.decay, &adjoint.effect);
-        // Phi = [slope; 0 decay]: Phi^T M Phi in the four blocks of M.
-        let information = &mut adjoint.information;
-        let motion = information
-            .fixed_view::<MOTION_STATES, MOTION_STATES>(0, 0)
-            .into_owned();
-        let mixed = information
-            .fixed_view::<MOTION_STATES, INPUT_STATES>(0, MOTION_STATES)
-            .into_owned();
-        let inputs = information
-            .fixed_view::<INPUT_STATES, INPUT_STATES>(MOTION_STATES, MOTION_STATES)
-            .into_owned();
-        *information = self.slope.tr_mul(&(motion * self.slope));
-        let mixed = self.slope.tr_mul(&mixed);
-        for j in 0..INPUT_STATES {
-            for i in 0..STATES {
-                let value = mixed[(i, j)] * self.decay[j];
-                information[(i, MOTION_STATES + j)] += value;
-                information[(MOTION_STATES + j, i)] += value;
-            }
-            for i in 0..INPUT_STATES {
-                information[(MOTION_STATES + i, MOTION_STATES + j)] +=
-                    inputs[(i, j)] * self.decay[i] * self.decay[j];
-            }
         }
     }
 }

@@ -18,7 +18,8 @@ use crate::constants::{Constants, Found};
 use crate::forward::{BLOCK, Course, Flown, Known, STRIDE, Sample};
 use crate::joints::{DIRECTIONS, Directions, JointDirections};
 use crate::size::{Size, Sizes};
-use crate::smoother::{Pass, Score};
+use crate::smoother::Pass;
+use crate::smoother::backward::Score;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::progress;
 
@@ -28,6 +29,9 @@ const ITERATIONS: [usize; 2] = [4, 12];
 
 /// Largest step of a joint error, in its standard deviations, at which the iteration has reached it.
 const SETTLED: f64 = 0.5;
+
+/// The same, at which the size of the joint errors has settled: it is the mean of two dozen of them.
+const NEARLY_SETTLED: f64 = 2.0;
 
 /// Wander of the joints (deg) above which their errors are not constant, so that a filter that forgets them is better.
 /// Its estimate is below 0.13 on synthetic flights with constant errors, and above 0.7 if they wander by 1 degree.
@@ -43,6 +47,8 @@ pub struct Whole<'a> {
     assumed: Assumed,
     /// Joint errors about which the loads of the directions were computed.
     about: Directions,
+    /// Deviations of the damping as found: its offset, the doubt about that, and how much it varies.
+    damping: [f64; 3],
 }
 
 /// The solution for a whole flight.
@@ -52,6 +58,15 @@ pub struct Solution {
     pub known: Vec<Known>,
     /// Size of the joint errors.
     pub size: Size,
+}
+
+/// What a filter has to expect of a flight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Expected {
+    /// Size of the joint errors.
+    pub size: Size,
+    /// Standard deviations of the damping from the filter's mean.
+    pub damping: [f64; 3],
 }
 
 impl<'a> Whole<'a> {
@@ -84,10 +99,12 @@ impl<'a> Whole<'a> {
                 directions,
                 trajectory,
                 errors: Directions::zeros(),
+                pulls: Vec::new(),
                 block: BLOCK,
             },
             assumed: Assumed::of(preset, sizes),
             about: Directions::zeros(),
+            damping: preset.damping_deviation.map(f64::from),
         }
     }
 
@@ -97,38 +114,50 @@ impl<'a> Whole<'a> {
     /// # Errors
     /// Returns an error if the program is interrupted.
     pub fn solve(mut self) -> Result<Option<Solution>> {
-        let [least, most] = ITERATIONS;
-        for iteration in 1..=most {
-            progress::stage(format!("smoothing, pass {iteration}"));
-            let Some((mut solution, step)) = self.iterate()? else {
-                return Ok(None);
-            };
-            if iteration >= least && !self.stays() {
-                return Ok(None);
-            }
-            if iteration >= least && step < SETTLED {
-                self.load_by_joints(&mut solution.known);
-                return Ok(Some(solution));
-            }
-        }
-        Ok(None)
+        let Some((mut solution, true)) = self.until(SETTLED)? else {
+            return Ok(None);
+        };
+        self.load_by_joints(&mut solution.known);
+        Ok(Some(solution))
     }
 
-    /// The size of the joint errors, which settles before they do; `None` if there is no solution or if they wander.
+    /// How much a filter has to expect; `None` if there is no solution, if joint errors wander, or if they do not settle.
     ///
     /// # Errors
     /// Returns an error if the program is interrupted.
-    pub fn size(mut self) -> Result<Option<Size>> {
-        let mut size = None;
-        let [passes, _] = ITERATIONS;
-        for iteration in 1..=passes {
-            progress::stage(format!("smoothing, pass {iteration} of {passes}"));
-            let Some((solution, _)) = self.iterate()? else {
+    pub fn expected(mut self) -> Result<Option<Expected>> {
+        let found = self.until(NEARLY_SETTLED)?;
+        let found = found.filter(|(_, is_settled)| *is_settled);
+        Ok(found.map(|(solution, _)| Expected {
+            size: solution.size,
+            damping: self.damping,
+        }))
+    }
+
+    /// Iterates until the largest step of a joint error, in its standard deviations, is below `settled`; returns the last
+    /// solution, and whether that happened. `None` if there is none or if joint errors wander.
+    fn until(&mut self, settled: f64) -> Result<Option<(Solution, bool)>> {
+        let [least, most] = ITERATIONS;
+        let mut last = None;
+        for iteration in 1..=most {
+            progress::stage(format!("smoothing, pass {iteration} of {least} to {most}"));
+            let before = self.assumed.preset.joint_error;
+            let Some((solution, step)) = self.iterate()? else {
                 return Ok(None);
             };
-            size = Some(solution.size);
+            let is_settled = step < settled;
+            last = Some((solution, is_settled));
+            if iteration < least {
+                continue;
+            }
+            // Errors that are not linear yet look like wander too, but less so with every pass.
+            let wanders_on = self.assumed.preset.joint_error >= before;
+            let is_over = if self.stays() { is_settled } else { wanders_on };
+            if is_over {
+                break;
+            }
         }
-        Ok(size.filter(|_| self.stays()))
+        Ok(last.filter(|_| self.stays()))
     }
 
     /// Whether joint errors are constant, as far as the flight tells.
@@ -173,11 +202,18 @@ impl<'a> Whole<'a> {
         self.course.trajectory = known.iter().map(|known| known.state).collect();
         self.course.errors += found.errors.fixed_rows::<DIRECTIONS>(0);
         self.wake(&scores.each);
+        self.course.pulls.clone_from(&scores.pulls);
         self.assumed.follow(&scores);
         let variances = found.covariance.diagonal();
         let steps = found.errors.iter().zip(&variances).take(DIRECTIONS);
         let steps = steps.map(|(step, variance)| step.abs() / variance.sqrt());
         let step = steps.fold(0.0, f64::max);
+        self.damping = std::array::from_fn(|axis| {
+            let place = DIRECTIONS + 3 + axis;
+            let varies = f64::from(self.assumed.preset.damping_deviation[axis]);
+            let doubt = variances[place].sqrt();
+            varies.hypot(found.errors[place]).hypot(doubt)
+        });
         let size = found.size;
         self.renew_loads();
         Ok(Some((Solution { known, size }, step)))
@@ -282,11 +318,7 @@ mod tests {
         (samples.collect(), states)
     }
 
-    #[test]
-    fn blocks_change_no_bit() {
-        let person = Person::new(1.75, 75.0, Sex::Male);
-        let dynamics = Dynamics::<f64>::paper(person.body().unwrap(), 1.0);
-        let (flown, states) = turns(&dynamics);
+    fn samples(flown: &[FlightSample]) -> Vec<Sample<'_>> {
         let samples = flown.iter().map(|sample| Sample {
             time: sample.time,
             posture: &sample.posture,
@@ -294,10 +326,55 @@ mod tests {
             muscles: BACK_TRACKING,
             activity: [0.0; 3],
         });
-        let samples: Vec<Sample<'_>> = samples.collect();
+        samples.collect()
+    }
+
+    #[test]
+    fn damping_is_pulled_as_its_likelihood_over_all_trajectories_asks() {
+        const STEP: f64 = 0.1;
+        let person = Person::new(1.75, 75.0, Sex::Male);
+        let dynamics = Dynamics::<f64>::paper(person.body().unwrap(), 1.0);
+        let (flown, states) = turns(&dynamics);
+        let model = (&dynamics, &AppliedLoads::none());
+        let damped_by = |axis: usize, more: f64| {
+            let samples = samples(&flown);
+            let mut whole = Whole::new(&MOTION, Sizes::any(), model, None, samples, &states);
+            for state in &mut whole.course.trajectory {
+                let mut damping = state.inputs.damping.to_array();
+                damping[axis] += more;
+                state.inputs.damping = damping.into();
+            }
+            whole
+        };
+        for axis in 0..3 {
+            let [less, more] = [-STEP, STEP].map(|more| {
+                let whole = damped_by(axis, more);
+                let flown = Flown::along(&whole.course, &whole.assumed.preset);
+                flown.unwrap().unwrap().pass().log_determinant()
+            });
+            let asked = -0.5 * (more - less) / (2.0 * STEP);
+            let whole = damped_by(axis, 0.0);
+            let flown = Flown::along(&whole.course, &whole.assumed.preset);
+            let flown = flown.unwrap().unwrap();
+            let found = whole.constants(flown.pass()).unwrap();
+            let (_, scores) = flown.smoothed(&found).unwrap().unwrap();
+            let pulled: f64 = scores.pulls.iter().map(|pull| pull[axis]).sum();
+            assert!(asked > 0.01, "{axis}: {asked}");
+            assert!(
+                (pulled / asked - 1.0).abs() < 0.1,
+                "{axis}: {pulled} of {asked}"
+            );
+        }
+    }
+
+    #[test]
+    fn blocks_change_no_bit() {
+        let person = Person::new(1.75, 75.0, Sex::Male);
+        let dynamics = Dynamics::<f64>::paper(person.body().unwrap(), 1.0);
+        let (flown, states) = turns(&dynamics);
         let model = (&dynamics, &AppliedLoads::none());
         let solved = |block: usize| {
-            let samples = samples.clone();
+            let samples = samples(&flown);
             let mut whole = Whole::new(&MOTION, Sizes::any(), model, None, samples, &states);
             whole.course.block = block;
             let solution = whole.solve().unwrap().unwrap();
