@@ -8,7 +8,7 @@ use crate::jacobian::columns::Jacobian;
 use crate::jacobian::layout::{COMPONENTS, Components, WANDER};
 use crate::jacobian::linearization_point::{CONSTANTS, LinearizationPoint, StretchErrors};
 use crate::jacobian::random_effects::RandomEffectColumns;
-use crate::likelihood::gemm::product_transposed;
+use crate::likelihood::gemm::{product_transposed, square};
 use crate::shooting::joint_error::Angles;
 use crate::shooting::stretch::{CHANNELS, Channels, Stretch};
 
@@ -70,7 +70,6 @@ impl StretchFactor {
             }
             kernels.push(kernel);
         }
-        let square = |matrix: &DMatrix<f64>| product_transposed(matrix, matrix);
         kernels.extend(columns.joints.iter().map(square));
         kernels.extend([&columns.moment, &columns.force].map(square));
         let mut constants = DMatrix::zeros(residuals, CONSTANTS);
@@ -147,11 +146,16 @@ impl StretchFactor {
     /// The factored covariance.
     pub fn covariance(&self, sizes: &Components) -> Option<Cholesky<f64, Dyn>> {
         let mut covariance = &self.of_free_start / self.weight;
+        let count = covariance.nrows();
         for (k, kernel) in self.kernels() {
             let size = sizes[k] / self.weight;
-            // In place: a copy of each product took longer than the products.
-            for (sum, kernel) in covariance.as_mut_slice().iter_mut().zip(kernel.as_slice()) {
-                *sum += kernel * size;
+            // In place: a copy of each product took longer than the products. The factor needs only the lower triangle.
+            for column in 0..count {
+                let below = column * (count + 1)..(column + 1) * count;
+                let sums = &mut covariance.as_mut_slice()[below.clone()];
+                for (sum, kernel) in sums.iter_mut().zip(&kernel.as_slice()[below]) {
+                    *sum += kernel * size;
+                }
             }
         }
         covariance.cholesky()
