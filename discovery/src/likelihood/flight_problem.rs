@@ -315,11 +315,8 @@ impl<'a> FlightProblem<'a> {
         parameters: &[ParameterId],
         progress: &dyn Progress,
     ) -> Option<DMatrix<f64>> {
-        let columns = self.columns_at(&fitted.point, fitted, parameters, progress)?;
-        let mut values = columns.iter().flatten();
-        values
-            .all(|value| value.is_finite())
-            .then(|| fitted.whitened.reduced(&columns))
+        let columns = finite(self.columns_at(&fitted.point, fitted, parameters, progress)?)?;
+        Some(fitted.whitened.reduced(&columns))
     }
 
     /// The same with columns for all effects, at the point at which the other slopes of the fit were computed. Few fits
@@ -358,7 +355,8 @@ impl<'a> FlightProblem<'a> {
         .collect()
     }
 
-    /// The same for each stretch, before the reduction.
+    /// The same for each stretch, before the reduction. With effects that change nothing in the model of the fit, the
+    /// residual is known.
     pub fn columns_around(
         &self,
         fitted: &LinearFit,
@@ -372,6 +370,9 @@ impl<'a> FlightProblem<'a> {
         };
         for k in fixed_by(effects) {
             point.subject.0[k] = 0.0;
+        }
+        if point.model(&self.plain) == fitted.point.model(&self.plain) {
+            return finite(self.columns_at(&point, fitted, parameters, progress)?);
         }
         self.columns_of(fitted, &point, |stretch| {
             check(progress).ok()?;
@@ -421,4 +422,10 @@ impl<'a> FlightProblem<'a> {
             })
             .collect()
     }
+}
+
+/// The columns, unless a simulation diverged.
+fn finite(columns: Vec<DMatrix<f64>>) -> Option<Vec<DMatrix<f64>>> {
+    let mut values = columns.iter().flatten();
+    values.all(|value| value.is_finite()).then_some(columns)
 }
