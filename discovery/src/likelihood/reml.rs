@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use crate::jacobian::layout::{COMPONENTS, Components};
 use crate::jacobian::linearization_point::CONSTANTS;
+use crate::jacobian::symmetric::Symmetric;
 use crate::likelihood::factor::{StretchFactor, WeightedStretch};
 use crate::likelihood::gemm::{
     add_symmetric, by_triangle, mirror, product, square, square_of_triangle, transposed_product,
@@ -199,12 +200,13 @@ impl RemlEvaluation {
             .map(|(part, weighed)| {
                 let WeightedStretch { inverse, pulled } = weighed;
                 let left = inverse * &part.residual - pulled * &self.constants;
-                let rest = inverse - square(&by_triangle(pulled, &self.triangle));
+                let taken = square(&by_triangle(pulled, &self.triangle));
+                let rest = Symmetric::of(&(inverse - taken));
                 let share = 1.0 / part.weight;
                 let mut slope = Components::zeros();
                 let mut changes = DMatrix::zeros(left.len(), COMPONENTS);
                 for (k, kernel) in part.kernels() {
-                    let change = kernel * &left * share;
+                    let change = kernel.times(&left) * share;
                     slope[k] = 0.5 * (left.dot(&change) - share * rest.dot(kernel));
                     changes.set_column(k, &change);
                 }
