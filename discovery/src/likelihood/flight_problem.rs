@@ -127,10 +127,7 @@ impl<'a> FlightProblem<'a> {
         rounds: usize,
         progress: &dyn Progress,
     ) -> Result<Option<LinearFit>> {
-        let mut point = point.clone();
-        for k in fixed_by(&point.effects) {
-            point.subject.0[k] = 0.0;
-        }
+        let mut point = unaliased(point.clone());
         let mut errors = errors.cloned();
         let mut found = None;
         for _ in 0..rounds {
@@ -181,10 +178,7 @@ impl<'a> FlightProblem<'a> {
         point: &LinearizationPoint,
         progress: &dyn Progress,
     ) -> Result<Option<LinearFit>> {
-        let mut point = point.clone();
-        for k in fixed_by(&point.effects) {
-            point.subject.0[k] = 0.0;
-        }
+        let point = unaliased(point.clone());
         let parts: Option<Vec<StretchFactor>> = self
             .stretches
             .par_iter()
@@ -364,13 +358,10 @@ impl<'a> FlightProblem<'a> {
         parameters: &[ParameterId],
         progress: &dyn Progress,
     ) -> Option<Vec<DMatrix<f64>>> {
-        let mut point = LinearizationPoint {
+        let point = unaliased(LinearizationPoint {
             effects: effects.clone(),
             ..fitted.point.clone()
-        };
-        for k in fixed_by(effects) {
-            point.subject.0[k] = 0.0;
-        }
+        });
         if point.model(&self.plain) == fitted.point.model(&self.plain) {
             return finite(self.columns_at(&point, fitted, parameters, progress)?);
         }
@@ -422,6 +413,14 @@ impl<'a> FlightProblem<'a> {
             })
             .collect()
     }
+}
+
+/// The point without errors of the subject that its effects stand for.
+fn unaliased(mut point: LinearizationPoint) -> LinearizationPoint {
+    for k in fixed_by(&point.effects) {
+        point.subject.0[k] = 0.0;
+    }
+    point
 }
 
 /// The columns, unless a simulation diverged.
