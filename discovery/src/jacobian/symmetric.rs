@@ -117,7 +117,7 @@ mod tests {
         let vector = DVector::from_fn(11, |k, _| k as f64 - 4.0);
         assert_eq!(one.triangle(), a.lower_triangle());
         assert_eq!(one.times(&vector), &a * &vector);
-        assert_eq!(one.dot(&other), a.dot(&b));
+        assert!((one.dot(&other) - a.dot(&b)).abs() < 0.5, "whole numbers");
         let mut sum = Symmetric::zeros(11);
         sum.add(&one, 2.0);
         sum.add(&other, -1.0);
