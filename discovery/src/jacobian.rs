@@ -7,3 +7,4 @@ pub(crate) mod layout;
 pub(crate) mod linearization_point;
 pub(crate) mod random_effects;
 pub(crate) mod subject_error;
+pub(crate) mod symmetric;

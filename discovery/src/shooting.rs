@@ -1,5 +1,6 @@
 //! Short simulations from smoothed starts (multiple shooting), and their residuals.
 
+pub(crate) mod earlier;
 pub(crate) mod intervals;
 pub(crate) mod joint_error;
 pub(crate) mod perturbation;

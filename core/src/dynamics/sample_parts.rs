@@ -27,10 +27,10 @@ pub enum Difference {
     All,
     /// Masses or inertias, areas or coefficients, or both.
     Parts {
-        /// Whether mass properties differ.
-        mass: bool,
-        /// Whether the loads of the air differ.
-        air: bool,
+        /// The segments whose mass properties differ, if there are any.
+        mass: Option<SegmentArray<bool>>,
+        /// The segments on which other loads of the air than the drag differ, if any load of the air does.
+        air: Option<SegmentArray<bool>>,
     },
 }
 
@@ -38,17 +38,29 @@ impl Difference {
     /// Compares two models.
     pub fn between<T: Real>(one: &Dynamics<T>, other: &Dynamics<T>) -> Self {
         let lags = [one, other].map(|dynamics| dynamics.stream.lag);
-        let (mut places, mut mass, mut air) = (lags != [T::zero(); 2], false, false);
-        air |= one.aerodynamics != other.aerodynamics;
-        for (a, b) in (one.body.segments.values()).zip(other.body.segments.values()) {
+        let mut places = lags != [T::zero(); 2];
+        let [mut mass, mut air] = [SegmentArray::from_fn(|_| false); 2];
+        let [now, then] = [&one.aerodynamics, &other.aerodynamics];
+        for segment in Segment::ALL {
+            let [a, b] = [one, other].map(|dynamics| &dynamics.body.segments[segment]);
             places |= a.joint_offset != b.joint_offset || a.cg != b.cg;
-            mass |= a.mass != b.mass || a.inertia != b.inertia;
-            air |= a.area != b.area || a.moment_arm != b.moment_arm || a.length != b.length;
+            mass[segment] = a.mass != b.mass || a.inertia != b.inertia;
+            let faces = a.area != b.area || a.moment_arm != b.moment_arm || a.length != b.length;
+            let [a, b] = [now, then].map(|air| &air.coefficients[segment]);
+            air[segment] = faces || a.lift != b.lift || a.moment != b.moment;
+            air[segment] |= now.model != then.model;
         }
-        match (places, mass, air) {
-            (true, _, _) => Self::All,
-            (false, false, false) => Self::None,
-            (false, mass, air) => Self::Parts { mass, air },
+        let any = |which: SegmentArray<bool>| which.values().any(|differs| *differs);
+        if places {
+            return Self::All;
+        }
+        let (has_mass, has_air) = (any(mass), any(air) || now != then);
+        if !has_mass && !has_air {
+            return Self::None;
+        }
+        Self::Parts {
+            mass: has_mass.then_some(mass),
+            air: has_air.then_some(air),
         }
     }
 }
@@ -123,17 +135,22 @@ impl<T: Real> Dynamics<T> {
             }
             return;
         };
-        if mass {
+        if let Some(differs) = mass {
             let mut sum = MovingSum::none();
             for (segment, parameters) in self.body.segments.iter() {
-                let (placed, motion) = (&parts.posed[segment], &parts.moving[segment]);
-                sum.add(&MovingShare::of(parameters, placed, motion));
+                if differs[segment] {
+                    let (placed, motion) = (&parts.posed[segment], &parts.moving[segment]);
+                    sum.add(&MovingShare::of(parameters, placed, motion));
+                } else {
+                    sum.add(&parts.mass[segment]);
+                }
             }
             sample.set_mass(sum.done());
         }
-        if air {
-            let aerodynamics = &mut sample.aerodynamics;
-            aerodynamics.expose(&self.body, &parts.posed, &self.aerodynamics);
+        if let Some(differs) = air {
+            let placed = (&self.body, &parts.posed);
+            let air = &mut sample.aerodynamics;
+            air.expose_moved(placed, &self.aerodynamics, &differs, &parts.forms);
         }
     }
 }
@@ -181,18 +198,26 @@ mod tests {
             for dynamics in models() {
                 let rate = PostureRate::between(&a, &b, 1.0);
                 let (parts, before) = (dynamics.sample_parts(&a, &rate), dynamics.sample(&a, &rate));
-                for effect in Effect::ALL {
+                let by_effect = Effect::ALL.iter().map(|effect| {
                     let mut values = effect.neutral();
                     for (value, parameter) in values.iter_mut().zip(effect.description().parameters) {
                         *value = 0.5 * (*value + parameter.high);
                     }
                     let mut model = Model::new(dynamics, 0.0);
                     effect.apply(&values, &mut model).expect("within its range");
-                    let other = model.dynamics;
+                    model.dynamics
+                });
+                let by_segment = Segment::ALL.into_iter().flat_map(|segment| {
+                    let [mut heavier, mut larger] = [dynamics; 2];
+                    heavier.body.segments[segment].mass *= 1.5;
+                    larger.body.segments[segment].area.y *= 1.5;
+                    [heavier, larger]
+                });
+                for other in by_effect.chain(by_segment) {
                     let mut sample = before;
                     let difference = Difference::between(&dynamics, &other);
                     other.resample(&parts, difference, (&a, &rate), &mut sample);
-                    prop_assert_eq!(sample, other.sample(&a, &rate), "{:?}", effect);
+                    prop_assert_eq!(sample, other.sample(&a, &rate), "{:?}", difference);
                 }
             }
         }

@@ -28,6 +28,21 @@ impl Parameter {
         self.neutral + share.abs() * (self.end(share) - self.neutral)
     }
 
+    /// Returns a plausible value at a distance `size` from a plausible `value`: above it if there is room, else below it; the
+    /// end of the range that is farther off if there is no room on either side.
+    pub fn apart(&self, value: f64, size: f64) -> f64 {
+        let (below, above) = (value - self.low, self.high - value);
+        if size <= above {
+            value + size
+        } else if size <= below {
+            value - size
+        } else if above >= below {
+            self.high
+        } else {
+            self.low
+        }
+    }
+
     /// Returns the share of the way from neutral to its end of the range at which `value` lies, never negative; zero
     /// if the range has no extent on that side.
     pub fn share_of_range(&self, value: f64) -> f64 {

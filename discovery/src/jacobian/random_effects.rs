@@ -6,6 +6,7 @@ use bodyflight_core::effect::random::{INPUT_TIME, Turbulence, decayed};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use crate::jacobian::layout::{FIRST_RANDOM, components};
+use crate::jacobian::symmetric::Symmetric;
 use crate::shooting::stretch::WINDOW;
 
 /// Derivatives of a stretch with respect to an effect.
@@ -25,9 +26,9 @@ fn lasting(rows: usize, time: f64) -> DMatrix<f64> {
 }
 
 /// Covariance from the columns about one of three axes, given the correlation of the windows.
-fn about(columns: &DMatrix<f64>, axis: usize, lasting: &DMatrix<f64>) -> DMatrix<f64> {
+fn about(columns: &DMatrix<f64>, axis: usize, lasting: &DMatrix<f64>) -> Symmetric {
     let own = columns.columns_with_step(axis, lasting.nrows(), 2);
-    own * lasting * own.transpose()
+    Symmetric::of(&(own * lasting * own.transpose()))
 }
 
 /// Components of a force and a moment in body axes that change at random, in place of the effects.
@@ -39,7 +40,7 @@ pub struct RandomEffectColumns {
     /// The derivatives, one entry for each effect.
     pub changes: Vec<Changes>,
     /// Covariance of each component at unit strength.
-    pub kernels: Vec<(usize, DMatrix<f64>)>,
+    pub kernels: Vec<(usize, Symmetric)>,
     /// Velocity through the air (m/s), inertial axes.
     pub through_air: Vector3<f64>,
 }
@@ -96,7 +97,7 @@ impl RandomEffectColumns {
             let places = components(*effect);
             if places.len() == 1 {
                 let kernel = columns * &together * columns.transpose();
-                kernels.push((places.start, kernel));
+                kernels.push((places.start, Symmetric::of(&kernel)));
                 continue;
             }
             let lasting = lasting(rows, INPUT_TIME);

@@ -8,7 +8,8 @@ use crate::jacobian::columns::Jacobian;
 use crate::jacobian::layout::{COMPONENTS, Components, WANDER};
 use crate::jacobian::linearization_point::{CONSTANTS, LinearizationPoint, StretchErrors};
 use crate::jacobian::random_effects::RandomEffectColumns;
-use crate::likelihood::gemm::product_transposed;
+use crate::jacobian::symmetric::Symmetric;
+use crate::likelihood::gemm::{product_transposed, square};
 use crate::shooting::joint_error::Angles;
 use crate::shooting::stretch::{CHANNELS, Channels, Stretch};
 
@@ -26,7 +27,7 @@ pub struct StretchFactor {
     /// Derivatives with respect to a force and a moment in each window.
     pub pushes: Arc<[DMatrix<f64>; 2]>,
     /// Covariance of each component for a unit variance.
-    kernels: Arc<[DMatrix<f64>]>,
+    kernels: Arc<[Symmetric]>,
     /// The effects that change at random, if the model has any.
     pub varying: Option<Arc<RandomEffectColumns>>,
     /// Weight of the stretch, less than one for outliers.
@@ -41,7 +42,7 @@ pub struct StretchFactor {
     start_noise: [f64; 2],
     /// Variance of the start beyond its noise, and what it adds to the covariance.
     free_start: Channels,
-    of_free_start: DMatrix<f64>,
+    of_free_start: Arc<Symmetric>,
     /// First-order effect of the wander and the start at the point of linearization.
     pub wandered: DVector<f64>,
 }
@@ -68,9 +69,9 @@ impl StretchFactor {
                     kernel[(channel, row)] -= both;
                 }
             }
-            kernels.push(kernel);
+            kernels.push(Symmetric::of(&kernel));
         }
-        let square = |matrix: &DMatrix<f64>| product_transposed(matrix, matrix);
+        let square = |matrix: &DMatrix<f64>| Symmetric::of(&square(matrix));
         kernels.extend(columns.joints.iter().map(square));
         kernels.extend([&columns.moment, &columns.force].map(square));
         let mut constants = DMatrix::zeros(residuals, CONSTANTS);
@@ -100,7 +101,7 @@ impl StretchFactor {
             first: stretch.first,
             joints: Arc::new(columns.joints),
             free_start,
-            of_free_start: product_transposed(&scaled, &columns.start),
+            of_free_start: Symmetric::of(&product_transposed(&scaled, &columns.start)).into(),
             start: columns.start,
             start_noise: [stretch.start_variance, stretch.start_covariance],
             wandered: DVector::zeros(residuals),
@@ -122,7 +123,7 @@ impl StretchFactor {
     }
 
     /// The components that this stretch has, with their covariance for a unit variance.
-    pub(crate) fn kernels(&self) -> impl Iterator<Item = (usize, &DMatrix<f64>)> {
+    pub(crate) fn kernels(&self) -> impl Iterator<Item = (usize, &Symmetric)> {
         let varying = self.varying.iter().flat_map(|varying| &varying.kernels);
         let varying = varying.map(|(k, kernel)| (*k, kernel));
         self.kernels.iter().enumerate().chain(varying)
@@ -146,15 +147,13 @@ impl StretchFactor {
 
     /// The factored covariance.
     pub fn covariance(&self, sizes: &Components) -> Option<Cholesky<f64, Dyn>> {
-        let mut covariance = &self.of_free_start / self.weight;
+        let mut covariance = Symmetric::zeros(self.residual.len());
+        covariance.add(&self.of_free_start, 1.0 / self.weight);
         for (k, kernel) in self.kernels() {
-            let size = sizes[k] / self.weight;
-            // In place: a copy of each product took longer than the products.
-            for (sum, kernel) in covariance.as_mut_slice().iter_mut().zip(kernel.as_slice()) {
-                *sum += kernel * size;
-            }
+            covariance.add(kernel, sizes[k] / self.weight);
         }
-        covariance.cholesky()
+        // The factor needs only the lower triangle.
+        covariance.triangle().cholesky()
     }
 }
 

@@ -127,10 +127,7 @@ impl<'a> FlightProblem<'a> {
         rounds: usize,
         progress: &dyn Progress,
     ) -> Result<Option<LinearFit>> {
-        let mut point = point.clone();
-        for k in fixed_by(&point.effects) {
-            point.subject.0[k] = 0.0;
-        }
+        let mut point = unaliased(point.clone());
         let mut errors = errors.cloned();
         let mut found = None;
         for _ in 0..rounds {
@@ -181,10 +178,7 @@ impl<'a> FlightProblem<'a> {
         point: &LinearizationPoint,
         progress: &dyn Progress,
     ) -> Result<Option<LinearFit>> {
-        let mut point = point.clone();
-        for k in fixed_by(&point.effects) {
-            point.subject.0[k] = 0.0;
-        }
+        let point = unaliased(point.clone());
         let parts: Option<Vec<StretchFactor>> = self
             .stretches
             .par_iter()
@@ -315,11 +309,8 @@ impl<'a> FlightProblem<'a> {
         parameters: &[ParameterId],
         progress: &dyn Progress,
     ) -> Option<DMatrix<f64>> {
-        let columns = self.columns_at(&fitted.point, fitted, parameters, progress)?;
-        let mut values = columns.iter().flatten();
-        values
-            .all(|value| value.is_finite())
-            .then(|| fitted.whitened.reduced(&columns))
+        let columns = finite(self.columns_at(&fitted.point, fitted, parameters, progress)?)?;
+        Some(fitted.whitened.reduced(&columns))
     }
 
     /// The same with columns for all effects, at the point at which the other slopes of the fit were computed. Few fits
@@ -358,7 +349,8 @@ impl<'a> FlightProblem<'a> {
         .collect()
     }
 
-    /// The same for each stretch, before the reduction.
+    /// The same for each stretch, before the reduction. With effects that change nothing in the model of the fit, the
+    /// residual is known.
     pub fn columns_around(
         &self,
         fitted: &LinearFit,
@@ -366,12 +358,12 @@ impl<'a> FlightProblem<'a> {
         parameters: &[ParameterId],
         progress: &dyn Progress,
     ) -> Option<Vec<DMatrix<f64>>> {
-        let mut point = LinearizationPoint {
+        let point = unaliased(LinearizationPoint {
             effects: effects.clone(),
             ..fitted.point.clone()
-        };
-        for k in fixed_by(effects) {
-            point.subject.0[k] = 0.0;
+        });
+        if point.model(&self.plain) == fitted.point.model(&self.plain) {
+            return finite(self.columns_at(&point, fitted, parameters, progress)?);
         }
         self.columns_of(fitted, &point, |stretch| {
             check(progress).ok()?;
@@ -421,4 +413,18 @@ impl<'a> FlightProblem<'a> {
             })
             .collect()
     }
+}
+
+/// The point without errors of the subject that its effects stand for.
+fn unaliased(mut point: LinearizationPoint) -> LinearizationPoint {
+    for k in fixed_by(&point.effects) {
+        point.subject.0[k] = 0.0;
+    }
+    point
+}
+
+/// The columns, unless a simulation diverged.
+fn finite(columns: Vec<DMatrix<f64>>) -> Option<Vec<DMatrix<f64>>> {
+    let mut values = columns.iter().flatten();
+    values.all(|value| value.is_finite()).then_some(columns)
 }

@@ -5,8 +5,11 @@ use rayon::prelude::*;
 
 use crate::jacobian::layout::{COMPONENTS, Components};
 use crate::jacobian::linearization_point::CONSTANTS;
+use crate::jacobian::symmetric::Symmetric;
 use crate::likelihood::factor::{StretchFactor, WeightedStretch};
-use crate::likelihood::gemm::{product, product_transposed, transposed_product};
+use crate::likelihood::gemm::{
+    add_symmetric, by_triangle, mirror, product, square, square_of_triangle, transposed_product,
+};
 use crate::likelihood::prior::{Prior, PriorDeviations, subject_precision};
 use crate::shooting::joint_error::JOINTS;
 
@@ -14,31 +17,42 @@ use crate::shooting::joint_error::JOINTS;
 /// angles.
 const TOLERANCE_WEIGHT: f64 = 45.0;
 
-/// A weighted stretch and its contribution to the sums.
+/// Number of stretches that are added up together, whatever the number of threads, so that sums do not depend on it.
+const TOGETHER: usize = 4;
+
+/// Some weighted stretches and their contribution to the sums.
 struct Share {
-    weighed: WeightedStretch,
+    weighed: Vec<WeightedStretch>,
+    /// But for blocks below the diagonal.
     information: DMatrix<f64>,
     slope: DVector<f64>,
-    /// Whitened squared residual plus the logarithm of the determinant.
+    /// Whitened squared residuals plus the logarithms of the determinants.
     sum: f64,
 }
 
 impl Share {
-    fn new(part: &StretchFactor, sizes: &Components) -> Option<Self> {
-        let factor = part.covariance(sizes)?;
-        let inverse = inverse(&factor);
-        let pulled = product(&inverse, &part.constants);
-        Some(Self {
-            information: transposed_product(&part.constants, &pulled),
-            slope: pulled.tr_mul(&part.residual),
-            sum: part.residual.dot(&(&inverse * &part.residual)) + factor.ln_determinant(),
-            weighed: WeightedStretch { inverse, pulled },
-        })
+    fn new(parts: &[StretchFactor], sizes: &Components) -> Option<Self> {
+        let mut share = Self {
+            weighed: Vec::with_capacity(parts.len()),
+            information: DMatrix::zeros(CONSTANTS, CONSTANTS),
+            slope: DVector::zeros(CONSTANTS),
+            sum: 0.0,
+        };
+        for part in parts {
+            let factor = part.covariance(sizes)?;
+            let inverse = square_of_triangle(&inverse_triangle(&factor));
+            let pulled = product(&inverse, &part.constants);
+            add_symmetric(&part.constants, &pulled, &mut share.information);
+            share.slope += pulled.tr_mul(&part.residual);
+            share.sum += part.residual.dot(&(&inverse * &part.residual)) + factor.ln_determinant();
+            share.weighed.push(WeightedStretch { inverse, pulled });
+        }
+        Some(share)
     }
 }
 
-/// The inverse of a factored matrix, computed from the inverse of its triangle.
-fn inverse(factor: &Cholesky<f64, Dyn>) -> DMatrix<f64> {
+/// The inverse of the lower triangle of a factored matrix.
+fn inverse_triangle(factor: &Cholesky<f64, Dyn>) -> DMatrix<f64> {
     let lower = factor.l_dirty();
     let count = lower.nrows();
     let mut triangle = DMatrix::identity(count, count);
@@ -57,7 +71,7 @@ fn inverse(factor: &Cholesky<f64, Dyn>) -> DMatrix<f64> {
             first += 1;
         }
     }
-    transposed_product(&triangle, &triangle)
+    triangle
 }
 
 /// Sums over the stretches for given variances.
@@ -67,6 +81,8 @@ pub(crate) struct RemlEvaluation {
     pub(crate) objective: f64,
     pub(crate) constants: DVector<f64>,
     pub(crate) covariance: DMatrix<f64>,
+    /// A lower triangle of which the covariance is the square, the transpose first.
+    triangle: DMatrix<f64>,
     /// Information of the constants, without their prior.
     pub(crate) information: DMatrix<f64>,
     /// One for each stretch.
@@ -106,8 +122,8 @@ impl RemlEvaluation {
         prior_deviations: &PriorDeviations,
     ) -> Option<Self> {
         let each: Option<Vec<Share>> = parts
-            .par_iter()
-            .map(|part| Share::new(part, sizes))
+            .par_chunks(TOGETHER)
+            .map(|parts| Share::new(parts, sizes))
             .collect();
         let mut information = DMatrix::zeros(CONSTANTS, CONSTANTS);
         let mut slope = DVector::zeros(CONSTANTS);
@@ -117,8 +133,9 @@ impl RemlEvaluation {
             information += share.information;
             slope += share.slope;
             sum += share.sum;
-            weighed.push(share.weighed);
+            weighed.extend(share.weighed);
         }
+        mirror(&mut information);
         let own = prior_deviations.own_precision();
         let subject = subject_precision(&prior.tolerances, &prior.fixed);
         let mut with_prior = information.clone();
@@ -130,11 +147,13 @@ impl RemlEvaluation {
         let constants = factor.solve(&slope);
         sum += factor.ln_determinant() - slope.dot(&constants);
         let likelihood = -0.5 * sum - prior.penalty(sizes);
+        let triangle = inverse_triangle(&factor);
         Some(Self {
             likelihood,
             objective: likelihood - penalty(prior_deviations, prior),
             constants,
-            covariance: inverse(&factor),
+            covariance: square_of_triangle(&triangle),
+            triangle,
             information,
             weighed,
         })
@@ -181,13 +200,13 @@ impl RemlEvaluation {
             .map(|(part, weighed)| {
                 let WeightedStretch { inverse, pulled } = weighed;
                 let left = inverse * &part.residual - pulled * &self.constants;
-                let taken = product_transposed(&product(pulled, &self.covariance), pulled);
-                let rest = inverse - taken;
+                let taken = square(&by_triangle(pulled, &self.triangle));
+                let rest = Symmetric::of(&(inverse - taken));
                 let share = 1.0 / part.weight;
                 let mut slope = Components::zeros();
                 let mut changes = DMatrix::zeros(left.len(), COMPONENTS);
                 for (k, kernel) in part.kernels() {
-                    let change = kernel * &left * share;
+                    let change = kernel.times(&left) * share;
                     slope[k] = 0.5 * (left.dot(&change) - share * rest.dot(kernel));
                     changes.set_column(k, &change);
                 }

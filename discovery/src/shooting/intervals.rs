@@ -11,7 +11,7 @@ use bodyflight_core::{Posture, Segment};
 use nalgebra::UnitQuaternion;
 
 /// A posture as recorded and as corrected.
-type End = [Posture<f64>; 2];
+pub(crate) type End = [Posture<f64>; 2];
 
 /// The posture in the middle of an interval, and its rate of change.
 type Posed = (Posture<f64>, PostureRate<f64>);

@@ -1,5 +1,7 @@
 //! Simulates a stretch from any start: its intervals with their postures, and the readings of the sensors.
 
+use std::cell::OnceCell;
+
 use bodyflight_core::dynamics::{Inputs, Motion, PostureSample, State};
 use bodyflight_core::effect::Model;
 use bodyflight_core::effect::history::moving_at;
@@ -9,7 +11,8 @@ use bodyflight_core::{Posture, Segment};
 use nalgebra::{DVector, Vector3};
 
 use crate::input::flight::RecordedFlight;
-use crate::shooting::intervals::Intervals;
+use crate::shooting::earlier::Earlier;
+use crate::shooting::intervals::{End, Intervals};
 use crate::shooting::joint_error::JointErrors;
 use crate::shooting::perturbation::{InputPerturbation, UnknownWrench};
 use crate::shooting::prediction::Prediction;
@@ -53,6 +56,8 @@ pub(crate) struct Simulator<'a> {
     pub(crate) count: usize,
     /// The body in the intervals. With short steps, these include an interval before the stretch and one after it.
     intervals: Intervals,
+    /// The body before the stretch, once a late sensor asked for it.
+    earlier: OnceCell<Earlier>,
     varied: Option<InputPerturbation>,
 }
 
@@ -89,6 +94,7 @@ impl<'a> Simulator<'a> {
             steps,
             count,
             intervals: Intervals::new(ends, &model.dynamics, duration),
+            earlier: OnceCell::new(),
             varied: None,
         }
     }
@@ -105,10 +111,13 @@ impl<'a> Simulator<'a> {
             return Self::new(self.track, self.stretch, model, &self.joints, self.steps);
         }
         let [now, then] = [&self.model.dynamics, &model.dynamics];
+        let is_as_late = longest_delay(&self.model) - longest_delay(model) == 0.0;
+        let earlier = self.earlier.get().filter(|_| is_as_late);
         Self {
             model: *model,
             joints: self.joints.clone(),
             intervals: self.intervals.changed(now, then),
+            earlier: known(earlier.map(|earlier| earlier.changed(now, then))),
             ..*self
         }
     }
@@ -120,11 +129,19 @@ impl<'a> Simulator<'a> {
             let place = over_stretch(k, margin, self.count);
             joints.corrected_joint(recorded, place, joint)
         };
+        let turn_before = |frame: usize, recorded: &Posture<f64>| {
+            joints.corrected_joint(recorded, self.place(frame), joint)
+        };
         let duration = duration(self.track, self.stretch, self.count);
         let (dynamics, segment) = (&self.model.dynamics, Segment::ALL[joint + 1]);
+        let back = self.stretch.grid.back;
+        let earlier = self.earlier.get();
+        let earlier =
+            earlier.map(|earlier| earlier.with_joint(dynamics, back, segment, turn_before));
         Self {
             joints: joints.clone(),
             intervals: self.intervals.with_joint(dynamics, duration, segment, turn),
+            earlier: known(earlier),
             ..*self
         }
     }
@@ -267,44 +284,44 @@ impl<'a> Simulator<'a> {
     /// The motion comes from a simulation backwards in time. The measurement itself would not do, because its noise
     /// also enters the first comparisons, and a sensor that follows this noise would seem late.
     fn past(&self, start: &Motion<f64>) -> Vec<(f64, [Vector3<f64>; 2])> {
-        let grid = self.stretch.grid;
-        let first = self.stretch.first;
-        let delay = self.model.sensors.posture_delay;
-        let length = grid.frames() as f64;
-        let at = |frame: usize| {
-            let place = 2.0 * (frame as f64 - first as f64) / length - 1.0;
-            let recorded = self
-                .track
-                .posture_at(frame as f64, delay, &self.stretch.piece);
-            self.joints.correct(&recorded, place)
-        };
         let now = Moving::of(start);
         let mut past = vec![(0.0, [Vector3::zeros(); 2])];
         let mut state: Option<State<f64>> = None;
-        let mut frame = first;
-        let sensors = &self.model.sensors;
-        let longest = sensors.velocity_latency.max(sensors.rate_lag);
-        while self.time(first) - self.time(frame) < longest.min(LONGEST_DELAY)
-            && frame >= self.stretch.piece.start + grid.back
-        {
-            let before = frame - grid.back;
-            let duration = self.time(frame) - self.time(before);
-            let sample = self
-                .model
-                .dynamics
-                .between(&at(before), &at(frame), duration);
+        let first = self.time(self.stretch.first);
+        let earlier = self.earlier.get_or_init(|| {
+            let longest = longest_delay(&self.model);
+            let place = (self.track, self.stretch);
+            Earlier::new(place, longest, &self.model.dynamics, |frame| {
+                self.end(frame)
+            })
+        });
+        for (before, duration, sample) in earlier.steps() {
             let inputs = self.model.inputs(&self.track.inputs[before]);
-            let from = state.unwrap_or_else(|| State::from_motion(start, &sample));
-            let then = self.model.dynamics.step(&from, &sample, &inputs, -duration);
-            let moving = Moving::of(&then.motion(&sample));
+            let from = state.unwrap_or_else(|| State::from_motion(start, sample));
+            let then = self.model.dynamics.step(&from, sample, &inputs, -duration);
+            let moving = Moving::of(&then.motion(sample));
             let change = [
                 moving.velocity.components - now.velocity.components,
                 moving.angular_velocity.components - now.angular_velocity.components,
             ];
-            past.push((self.time(first) - self.time(before), change));
-            (state, frame) = (Some(then), before);
+            past.push((first - self.time(before), change));
+            state = Some(then);
         }
         past
+    }
+
+    /// The posture of a frame, as recorded and as corrected.
+    fn end(&self, frame: usize) -> End {
+        let delay = self.model.sensors.posture_delay;
+        let piece = &self.stretch.piece;
+        let recorded = self.track.posture_at(frame as f64, delay, piece);
+        [recorded, self.joints.correct(&recorded, self.place(frame))]
+    }
+
+    /// Position of a frame within the stretch, from -1 to 1; less than -1 before it.
+    fn place(&self, frame: usize) -> f64 {
+        let after = frame as f64 - self.stretch.first as f64;
+        2.0 * after / self.stretch.grid.frames() as f64 - 1.0
     }
 
     fn true_start(&self, measured: &Motion<f64>, past: &[(f64, [Vector3<f64>; 2])]) -> Motion<f64> {
@@ -328,6 +345,18 @@ impl<'a> Simulator<'a> {
             self.model.sensors.observe(start, at, time)
         })
     }
+}
+
+/// The longest delay of a sensor (s) for which the motion before a stretch is computed.
+fn longest_delay(model: &Model<f64>) -> f64 {
+    let sensors = &model.sensors;
+    let longest = sensors.velocity_latency.max(sensors.rate_lag);
+    longest.min(LONGEST_DELAY)
+}
+
+/// A cell with what is known, or empty.
+fn known<V>(value: Option<V>) -> OnceCell<V> {
+    value.map_or_else(OnceCell::new, OnceCell::from)
 }
 
 fn mean<F>(a: &Vector<f64, F>, b: &Vector<f64, F>) -> Vector<f64, F> {

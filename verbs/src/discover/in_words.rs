@@ -63,16 +63,16 @@ pub(super) fn changes(
     let change = with.minus(&means(&bare, &[])?);
     let body = body_deviation(&flight.tolerances);
     let mut variances = change.numbers().map(|by| (body * by) * (body * by));
-    let mut add = |apart: Means, count: usize| {
+    let mut add = |apart: Means, share: f64| {
         for (variance, apart) in variances.iter_mut().zip(apart.numbers()) {
-            *variance += apart * apart / count as f64;
+            *variance += apart * apart * share;
         }
     };
     let mut random = ChaCha8Rng::seed_from_u64(0);
     for _ in 0..DRAWS {
         let joints = joint_errors(&flight.tolerances, &mut random);
         let drawn = means(&effects, &joints)?.minus(&means(&bare, &joints)?);
-        add(drawn.minus(&change), DRAWS);
+        add(drawn.minus(&change), 1.0 / DRAWS as f64);
     }
     for (place, (effect, _)) in effects.named.iter().enumerate() {
         let description = effect.description();
@@ -85,9 +85,11 @@ pub(super) fn changes(
             let Some((_, error)) = errors.iter().find(|(name, _)| *name == parameter.name) else {
                 continue;
             };
-            let mut shifted = effects.clone();
-            shifted.named[place].1[k] += error;
-            add(means(&shifted, &[])?.minus(&with), 1);
+            let (shifted, size) = shifted(&effects, (place, k), *error);
+            if size > 0.0 {
+                let times = error / size;
+                add(means(&shifted, &[])?.minus(&with), times * times);
+            }
         }
     }
     let names = effects
@@ -107,6 +109,17 @@ pub(super) fn changes(
             format!("{says} than the files say, because of {because}")
         })
         .collect())
+}
+
+/// The effects with one parameter, of the effect at a place, changed by its standard error, and the size of the change,
+/// which is smaller where the plausible range ends. A value near that end is as uncertain as any other.
+fn shifted(effects: &Effects, (place, parameter): (usize, usize), error: f64) -> (Effects, f64) {
+    let mut shifted = effects.clone();
+    let (effect, values) = &mut shifted.named[place];
+    let before = values[parameter];
+    let after = effect.description().parameters[parameter].apart(before, error);
+    values[parameter] = after;
+    (shifted, (after - before).abs())
 }
 
 /// "After 3 s you fall 2.1 +- 0.3 m/s (8 km/h) faster", for a number of [`Means`] by its place.
@@ -136,5 +149,25 @@ fn in_words(place: usize, by: f64, deviation: f64) -> String {
             "After {FLOWN} s you fly {angle} degrees more head {}",
             side("up", "down")
         ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A fitted drag of 2.99 +- 0.1 was an error, since 3.09 is beyond the range.
+    #[test]
+    fn a_value_near_the_end_of_its_range_can_be_shifted() {
+        let text = "[[effect]]\nname = \"thigh-drag\"\nleft_factor = 2.99\nright_factor = 0.56\n";
+        let effects = Effects::parse(text, Path::new("model.toml")).expect("valid");
+        let left = &effects.named[0].0.description().parameters[0];
+        for error in [0.0, 0.1, 10.0] {
+            let (shifted, size) = shifted(&effects, (0, 0), error);
+            let found = shifted.named[0].1[0];
+            assert!((left.low..=left.high).contains(&found), "{error}: {found}");
+            let most = f64::max(left.high - 2.99, 2.99 - left.low);
+            assert!((size - error.min(most)).abs() < 1e-12, "{error}: {size}");
+        }
     }
 }
