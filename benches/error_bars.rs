@@ -189,82 +189,87 @@ fn of_recorded(from: &Path, receiver: Option<Receiver>) -> [Score; 2] {
     scores(&flight, |_| truth)
 }
 
-fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let option = |name: &str| {
-        let place = arguments.iter().position(|argument| argument == name);
-        place.and_then(|place| arguments.get(place + 1)).cloned()
-    };
-    let only = option("--only");
-    let is_meant = |name: &str| {
-        let only = only.as_ref();
+/// The arguments of the command line.
+struct Arguments(Vec<String>);
+
+impl Arguments {
+    fn option(&self, name: &str) -> Option<&String> {
+        let place = self.0.iter().position(|argument| argument == name);
+        place.and_then(|place| self.0.get(place + 1))
+    }
+
+    fn number<T: std::str::FromStr>(&self, name: &str) -> Option<T> {
+        let text = self.option(name)?;
+        Some(text.parse().ok().expect("a number"))
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.0.iter().any(|argument| argument == name)
+    }
+
+    fn is_meant(&self, name: &str) -> bool {
+        let only = self.option("--only");
         only.is_none_or(|only| only.split(',').any(|meant| meant == name))
-    };
-    println!("{HEAD}");
-    if let Some(folder) = option("--flights") {
-        let seconds = |name: &str| option(name).map(|text| text.parse().expect("a number"));
-        let receiver = seconds("--receiver").map(|rate| Receiver {
-            rate,
-            deviation: 0.25,
-            lasts: seconds("--lasts").unwrap_or(0.0),
-            before: 7.3,
+    }
+
+    /// Kinds and sizes (degrees) of joint errors.
+    fn rows(&self) -> Vec<(&'static str, f64)> {
+        let sizes = self.option("--degrees").map_or(DEGREES.to_vec(), |text| {
+            let sizes = text.split(',').map(|size| size.parse().expect("a number"));
+            sizes.collect()
         });
-        recorded(Path::new(&folder), &is_meant, receiver);
-        return;
+        let meant = self.option("--kind");
+        let kinds = KINDS
+            .into_iter()
+            .filter(|kind| meant.is_none_or(|meant| meant == kind));
+        let rows = kinds.flat_map(|kind| {
+            let sizes = sizes.iter().map(move |size| (kind, *size));
+            // Exact joints are in the rows of constant errors.
+            sizes.filter(|(kind, size)| *kind == KINDS[0] || *size > 0.0)
+        });
+        rows.collect()
     }
-    let number = |name: &str, default: u64| {
-        option(name).map_or(default, |text| text.parse().expect("a number"))
-    };
-    let (from, seeds) = (number("--from", 601), number("--seeds", 1));
-    let sizes = option("--degrees").map_or(DEGREES.to_vec(), |text| {
-        let sizes = text.split(',').map(|size| size.parse().expect("a number"));
-        sizes.collect()
-    });
-    let meant = option("--kind");
-    let kinds = KINDS.into_iter();
-    let kinds: Vec<&str> = kinds
-        .filter(|kind| meant.as_ref().is_none_or(|meant| meant == kind))
-        .collect();
-    let rows = kinds.into_iter().flat_map(|kind| {
-        let sizes = sizes.iter().map(move |size| (kind, *size));
-        // Exact joints are in the rows of constant errors.
-        sizes.filter(|(kind, size)| *kind == KINDS[0] || *size > 0.0)
-    });
-    let rows: Vec<(&str, f64)> = rows.collect();
-    let meant: Vec<&Maneuver> = MANEUVERS.iter().filter(|m| is_meant(m.name)).collect();
-    let mut cases = Vec::new();
-    for seed in from..from + seeds {
-        for maneuver in &meant {
-            cases.extend(rows.iter().map(|(kind, degrees)| Case {
-                degrees: *degrees,
-                kind,
-                maneuver: maneuver.name,
-                seed,
-            }));
+
+    /// Every flight, seed by seed and maneuver by maneuver.
+    fn cases(&self, rows: &[(&'static str, f64)]) -> Vec<Case> {
+        let from = self.number("--from").unwrap_or(601);
+        let seeds: u64 = self.number("--seeds").unwrap_or(1);
+        let maneuvers = MANEUVERS.iter().filter(|m| self.is_meant(m.name));
+        let maneuvers: Vec<&Maneuver> = maneuvers.collect();
+        let mut cases = Vec::new();
+        for seed in from..from + seeds {
+            for maneuver in &maneuvers {
+                cases.extend(rows.iter().map(|(kind, degrees)| Case {
+                    degrees: *degrees,
+                    kind,
+                    maneuver: maneuver.name,
+                    seed,
+                }));
+            }
         }
+        cases
     }
-    let kept = Kept::read(option("--scores").map(PathBuf::from));
-    let due: Vec<Case> = cases
-        .iter()
-        .filter(|case| !kept.has(case))
-        .copied()
-        .collect();
+}
+
+/// Flies what has not been flown, in this order, so that what is flown is always the beginning. Begins no flight after
+/// `seconds`.
+fn fly(cases: &[Case], kept: Kept, seconds: u64) -> Kept {
+    let due: Vec<&Case> = cases.iter().filter(|case| !kept.has(case)).collect();
     let (kept, begin) = (Mutex::new(kept), Instant::now());
-    let seconds = number("--seconds", u64::MAX);
-    // One after the other, so that what is flown is always the beginning.
-    due.iter().par_bridge().for_each(|case| {
+    due.into_iter().par_bridge().for_each(|case| {
         if begin.elapsed().as_secs() < seconds {
             let scores = flown(case);
             kept.lock().expect("no flight panics").keep(case, &scores);
         }
     });
-    let kept = kept.into_inner().expect("no flight panics");
-    let has_each = arguments.iter().any(|argument| argument == "--each");
+    kept.into_inner().expect("no flight panics")
+}
+
+/// The rows of the table that have a flight; prints `each` flight too.
+fn table(rows: &[(&str, f64)], cases: &[Case], kept: &Kept, each: bool) -> Vec<String> {
     let mut table = Vec::new();
-    for (kind, degrees) in rows {
-        let cases = cases
-            .iter()
-            .filter(|c| (c.kind, c.degrees) == (kind, degrees));
+    for row in rows {
+        let cases = cases.iter().filter(|c| (c.kind, c.degrees) == *row);
         let flown = cases.filter_map(|case| Some((case, kept.scores(case)?)));
         let flown: Vec<(&Case, [Score; 2])> = flown.collect();
         let Some((case, _)) = flown.first() else {
@@ -274,20 +279,38 @@ fn main() {
             let all = flown.iter().map(|(_, scores)| &scores[k]);
             let sum = all.fold(Score::default(), Score::merge);
             table.push(format!("| {} | {by} | {}", case.row(), sum.row()));
-            if has_each {
-                for (case, scores) in &flown {
-                    let name = format!("{}, {}, {}", case.row(), case.maneuver, case.seed);
-                    println!(
-                        "| {name} | {by} | {}\n{}",
-                        scores[k].row(),
-                        scores[k].each()
-                    );
-                }
+            for (case, scores) in flown.iter().filter(|_| each) {
+                let name = format!("{}, {}, {}", case.row(), case.maneuver, case.seed);
+                let (row, each) = (scores[k].row(), scores[k].each());
+                println!("| {name} | {by} | {row}\n{each}");
             }
         }
     }
+    table
+}
+
+fn main() {
+    let arguments = Arguments(std::env::args().collect());
+    println!("{HEAD}");
+    if let Some(folder) = arguments.option("--flights") {
+        let receiver = arguments.number("--receiver").map(|rate| Receiver {
+            rate,
+            deviation: 0.25,
+            lasts: arguments.number("--lasts").unwrap_or(0.0),
+            before: 7.3,
+        });
+        let is_meant = |name: &str| arguments.is_meant(name);
+        recorded(Path::new(folder), &is_meant, receiver);
+        return;
+    }
+    let rows = arguments.rows();
+    let cases = arguments.cases(&rows);
+    let kept = Kept::read(arguments.option("--scores").map(PathBuf::from));
+    let seconds = arguments.number("--seconds").unwrap_or(u64::MAX);
+    let kept = fly(&cases, kept, seconds);
+    let table = table(&rows, &cases, &kept, arguments.has("--each"));
     println!("{}", table.join("\n"));
-    if arguments.iter().any(|argument| argument == "--write") {
+    if arguments.has("--write") {
         kept::write(&table);
     }
 }

@@ -98,7 +98,7 @@ const VERBS: [Verb; 11] = {
             ],
             Recording,
             128.0,
-            320.0,
+            336.0,
         ),
         verb(&["fall", "TRACK", "--plot", "f.svg"], Table, 32.0, 12.0),
         verb(

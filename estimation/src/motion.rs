@@ -98,11 +98,7 @@ fn with_each<R>(
     if settings.filter == Filter::Reduced {
         model_is_plain(&model.dynamics)?;
     }
-    let mut preset = settings.preset;
-    if !settings.keep_noise {
-        preset.noise = measured.noise(&preset.noise);
-    }
-    set_rate(&mut preset, measured.rate);
+    let mut preset = preset_for(settings, &measured);
     // What a preset or an option says of all joints replaces what the flight says of each segment.
     let segments = flight.segment_errors.filter(|_| settings.find_joint_error);
     let find_joint_error = settings.find_joint_error && segments.is_none();
@@ -119,21 +115,15 @@ fn with_each<R>(
         applied: model.applied,
         segments,
     };
-    let mut found = None;
-    if find_joint_error {
-        let errors = joint_errors(&run, &preset)?;
-        #[expect(clippy::cast_possible_truncation, reason = "an angle")]
-        let counted = errors.size.root_mean_square() as f32;
-        preset.joint_error = counted;
-        found = Some(errors);
-    }
+    let found = if find_joint_error {
+        Some(find_joint_errors(&run, &mut preset)?)
+    } else {
+        None
+    };
     reached(0.0);
     let least = least_doubt(found.as_ref());
-    let sizes = if find_joint_error {
-        Sizes::any()
-    } else {
-        Sizes::about(f64::from(preset.joint_error))
-    };
+    let about = Sizes::about(f64::from(preset.joint_error));
+    let sizes = found.as_ref().map_or(about, |_| Sizes::any());
     // If joint errors wander in the first minute, the whole flight has no solution with constant ones.
     let wanders = found.is_some_and(|errors| errors.wanders);
     let has_whole = measured.velocities.are_sampled() && !wanders;
@@ -165,6 +155,15 @@ fn with_each<R>(
     of(&by)
 }
 
+/// Finds the joint errors of a flight and sets their size in the preset.
+fn find_joint_errors(run: &Run<'_>, preset: &mut MotionPreset) -> Result<JointErrors> {
+    let errors = joint_errors(run, preset)?;
+    #[expect(clippy::cast_possible_truncation, reason = "an angle")]
+    let counted = errors.size.root_mean_square() as f32;
+    preset.joint_error = counted;
+    Ok(errors)
+}
+
 /// Estimates in a precision with a form of the model.
 fn points<T: Real>(
     run: &Run<'_>,
@@ -194,6 +193,16 @@ fn root_mean_square(errors: &SegmentArray<f64>) -> f32 {
     let squares = errors.values().skip(1).map(|error| error * error);
     let joints = (SEGMENT_COUNT - 1) as f64;
     (squares.sum::<f64>() / joints).sqrt() as f32
+}
+
+/// The preset with the sensor noise and the rate of a recording.
+fn preset_for(settings: &Settings, measured: &MeasuredFlight) -> MotionPreset {
+    let mut preset = settings.preset;
+    if !settings.keep_noise {
+        preset.noise = measured.noise(&preset.noise);
+    }
+    set_rate(&mut preset, measured.rate);
+    preset
 }
 
 /// Sets the rate of the recording, keeping the preset's number of estimates a second.

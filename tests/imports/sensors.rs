@@ -256,7 +256,7 @@ fn without_a_receiver(folder: &Path, sensors: &str, mapping: &str, subject: &str
     let deviation = report["assumed_velocity_sd_mps"].as_f64().expect("m/s");
     assert!((0.5..6.0).contains(&deviation), "{deviation}");
     let found = table(found);
-    let flown = table(&plain(&folder.join("jump/inputs.csv")).to_owned());
+    let flown = table(plain(&folder.join("jump/inputs.csv")));
     let held = within_bars(&found, &flown);
     assert!(held.iter().all(|share| *share > 0.9), "{held:?}");
     let truth = frames(&folder.join("jump/flight.mvnx"));

@@ -195,6 +195,7 @@ mod tests {
                 consistency: Some(state),
                 watched: Watched::of_all(1.0),
                 motion: None,
+                velocity_deviation: [f64::NAN; 3],
             })
             .collect();
         let found: Vec<(&str, [f64; 2])> = shades(&points)

@@ -222,8 +222,7 @@ impl<T: Lanes> CompiledAerodynamics<T> {
         self.expose_direction(body, posed, aerodynamics);
     }
 
-    /// Exposes the segments for which `moved` holds at new places or with new areas and coefficients, and all with new drag
-    /// coefficients; `shares` are those of the segments before.
+    /// Exposes the segments that `moved` or changed anew, and all with new drag coefficients; `shares` are those before.
     pub(crate) fn expose_moved(
         &mut self,
         (body, posed): (&Body<T>, &SegmentArray<PosedSegment<T>>),

@@ -45,8 +45,9 @@ impl Receiver {
     /// rest receivers hold their position.
     pub(super) fn measures(&mut self, velocity: &Vector3<f32>, is_moving: bool) -> bool {
         for (axis, repeats) in self.repeats.iter_mut().enumerate() {
-            let is_same =
-                is_moving && (self.last).is_some_and(|last| last.velocity[axis] == velocity[axis]);
+            let is_same = is_moving
+                && (self.last)
+                    .is_some_and(|last| last.velocity[axis].to_bits() == velocity[axis].to_bits());
             *repeats = if is_same {
                 repeats.saturating_add(1)
             } else {

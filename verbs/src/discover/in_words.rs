@@ -92,10 +92,8 @@ pub(super) fn changes(
             }
         }
     }
-    let names = effects
-        .named
-        .iter()
-        .map(|(effect, _)| effect.description().name);
+    let names = effects.named.iter();
+    let names = names.map(|(effect, _)| effect.description().name);
     let names: Vec<&str> = names.collect();
     let because = names.join(" and ");
     let change = change.numbers();
