@@ -182,8 +182,9 @@ pub fn disproportionate(length: impl Fn(Segment) -> Option<f64>) -> Option<(Segm
 pub fn unlikely(body: &Body<f64>) -> Option<String> {
     let length = |own: Segment| Some(body.segments[own].length);
     let proportion = disproportionate(length).map(|(_, said)| format!("of the subject, {said}"));
-    unlikely_mass(body)
-        .or(proportion)
+    // Stature, and so the mass that is usual for it, is told from the thigh.
+    proportion
+        .or_else(|| unlikely_mass(body))
         .or_else(|| unlikely_segment(body))
 }
 
