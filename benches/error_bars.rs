@@ -101,8 +101,9 @@ fn varied(maneuver: &Maneuver, seed: u64) -> Maneuver {
     }
 }
 
-/// Flies a maneuver with the joint errors of a case and estimates its inputs.
-fn flown(case: &Case) -> [Score; 2] {
+/// Flies a maneuver with the joint errors of a case and estimates its inputs. Returns `None`, and says so, if a damping that
+/// varies to below zero lets the body spin beyond all numbers.
+fn flown(case: &Case) -> Option<[Score; 2]> {
     let Case { kind, seed, .. } = *case;
     let size = case.degrees.to_radians();
     let of = |meant: &str| if kind == meant { size } else { 0.0 };
@@ -124,16 +125,19 @@ fn flown(case: &Case) -> [Score; 2] {
         tunnel: false,
     };
     let folder = tempfile::tempdir().expect("a folder");
-    let written = synthesize(&request, folder.path(), &mut |_| ()).expect("a flight");
+    let written = synthesize(&request, folder.path(), &mut |_| ());
+    let written = written
+        .inspect_err(|problem| println!("{}, {seed}: {}", maneuver.name, problem.message))
+        .ok()?;
     let mut flight = Flight::read(&written.flight).expect("the flight");
     // The true inputs are withheld, since they are to be estimated.
     flight.inputs = None;
-    scores(&flight, |time| {
+    Some(scores(&flight, |time| {
         let inputs = maneuver.inputs::<f64>(time);
         let [a, b, c] = inputs.muscle.to_array();
         let [d, e, f] = inputs.damping.to_array();
         [a, b, c, d, e, f]
-    })
+    }))
 }
 
 /// Prints the rows of the pairs of flights in a folder that are meant, with the velocities of a receiver if there is
@@ -259,7 +263,9 @@ fn fly(cases: &[Case], kept: Kept, seconds: u64) -> Kept {
     due.into_iter().par_bridge().for_each(|case| {
         if begin.elapsed().as_secs() < seconds {
             let scores = flown(case);
-            kept.lock().expect("no flight panics").keep(case, &scores);
+            kept.lock()
+                .expect("no flight panics")
+                .keep(case, scores.as_ref());
         }
     });
     kept.into_inner().expect("no flight panics")

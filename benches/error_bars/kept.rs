@@ -53,12 +53,13 @@ impl Kept {
         self.lines.iter().any(|line| case.is_of(line))
     }
 
-    pub(super) fn keep(&mut self, case: &Case, scores: &[Score; 2]) {
+    /// Keeps the scores of a flight, or that it could not be flown.
+    pub(super) fn keep(&mut self, case: &Case, scores: Option<&[Score; 2]>) {
         let line = json!({
             "row": case.row(),
             "maneuver": case.maneuver,
             "seed": case.seed,
-            "scores": scores.each_ref().map(Score::to_json),
+            "scores": scores.map(|scores| scores.each_ref().map(Score::to_json)),
         });
         if let Some(file) = &self.file {
             let mut options = std::fs::OpenOptions::new();
