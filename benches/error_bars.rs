@@ -24,12 +24,10 @@ use std::sync::Mutex;
 use std::time::Instant;
 
 use bodyflight_core::axis::AxisCoefficients;
-use bodyflight_core::estimator::motion::settings::MOTION;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
-use bodyflight_estimation::Filter;
-use bodyflight_estimation::motion::{self, Method};
+use bodyflight_estimation::motion::{self, Settings};
 use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
@@ -55,17 +53,7 @@ const VARIES: [([f64; 3], f64); 2] = [([0.3, 0.3, 0.3], 4.0), ([1.0, 0.4, 1.5], 
 
 /// Estimates a flight by each method.
 fn scores(flight: &Flight, truth: impl Fn(f64) -> [f64; 6]) -> [Score; 2] {
-    let mut preset = MOTION;
-    #[expect(clippy::cast_possible_truncation, reason = "a coefficient")]
-    let damping = flight.subject.damping().map(|value| value as f32);
-    preset.damping = damping.to_array();
-    let settings = motion::Settings {
-        preset,
-        keep_noise: false,
-        find_joint_error: true,
-        filter: Filter::Paper,
-        method: Method::Smooth,
-    };
+    let settings = Settings::usual(&flight.subject);
     let (options, precision) = (Options::default(), Precision::Double);
     let both = motion::estimate_both(flight, &settings, options, precision);
     both.expect("estimates")

@@ -7,10 +7,8 @@
 
 use std::path::{Path, PathBuf};
 
-use bodyflight_core::estimator::motion::settings::MOTION;
 use bodyflight_core::estimator::motion::watch::Consistency;
-use bodyflight_estimation::Filter;
-use bodyflight_estimation::motion::{self, Method};
+use bodyflight_estimation::motion::{self, Settings};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::Flight;
@@ -93,17 +91,7 @@ fn estimated(flight: &Path) -> (Value, bool, Vec<[(f64, f64); 6]>) {
 /// uninterrupted time (s) for which any input had an error above four standard deviations and was reported as consistent.
 fn judged(flight: &Path, truth: [f64; 6]) -> [(bool, f64); 2] {
     let flight = Flight::read(flight).expect("a flight");
-    let mut preset = MOTION;
-    #[expect(clippy::cast_possible_truncation, reason = "a coefficient")]
-    let damping = flight.subject.damping().map(|value| value as f32);
-    preset.damping = damping.to_array();
-    let settings = motion::Settings {
-        preset,
-        keep_noise: false,
-        find_joint_error: true,
-        filter: Filter::Paper,
-        method: Method::Smooth,
-    };
+    let settings = Settings::usual(&flight.subject);
     let both = motion::estimate_both(&flight, &settings, Options::default(), Precision::Double);
     both.expect("estimates").map(|estimation| {
         let (mut last, mut runs, mut longest) = (0.0, [0.0; 6], 0.0f64);

@@ -6,7 +6,7 @@ use bodyflight_core::Real;
 use bodyflight_core::body::{SEGMENT_COUNT, SegmentArray};
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::estimator::full::Full;
-use bodyflight_core::estimator::motion::settings::MotionPreset;
+use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset};
 use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::reduced::Reduced;
 
@@ -22,6 +22,7 @@ use bodyflight_io::progress;
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision::{self, Double, Single};
 use bodyflight_replay::flight::Flight;
+use bodyflight_replay::subject::Subject;
 
 /// How a flight is estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,6 +46,29 @@ pub struct Settings {
     pub filter: Filter,
     /// Forward or the whole flight.
     pub method: Method,
+}
+
+impl Settings {
+    /// Those of `estimate` without options, in a flight of this subject.
+    pub fn usual(subject: &Subject) -> Self {
+        Self {
+            preset: about_damping_of(subject, MOTION),
+            keep_noise: false,
+            find_joint_error: true,
+            filter: Filter::Paper,
+            method: Method::Filter,
+        }
+    }
+}
+
+/// The preset with the damping of a subject as its mean.
+pub fn about_damping_of(subject: &Subject, preset: MotionPreset) -> MotionPreset {
+    #[expect(clippy::cast_possible_truncation, reason = "a coefficient")]
+    let damping = subject.damping().map(|value| value as f32);
+    MotionPreset {
+        damping: damping.to_array(),
+        ..preset
+    }
 }
 
 /// Runs the filter over a recording and, for comparison, the model with constant coefficients.

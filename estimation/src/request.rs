@@ -50,9 +50,7 @@ impl Request {
                 damping_given,
             } => {
                 if !damping_given {
-                    #[expect(clippy::cast_possible_truncation, reason = "a coefficient")]
-                    let damping = flight.subject.damping().map(|value| value as f32);
-                    preset.damping = damping.to_array();
+                    preset = motion::about_damping_of(&flight.subject, preset);
                 }
                 let settings = motion::Settings {
                     preset,
