@@ -107,6 +107,33 @@ fn a_figure_has_the_format_of_its_name() {
     done(&["figures", &flight, "--format", formats, "--out", &out]);
     let of_each = formats.split(',').count() * 4;
     assert_eq!(std::fs::read_dir(&out).expect("a folder").count(), of_each);
+    let report = place.at("report");
+    done(&[
+        "reproduce",
+        "layouts",
+        "--format",
+        formats,
+        "--out",
+        &report,
+    ]);
+    // The report shows SVG, so it is there whatever else is asked for.
+    for format in formats.split(',').chain(["svg"]) {
+        for name in ["layouts", "layouts-matched"] {
+            let file = place.path(&format!("report/{name}.{format}"));
+            let bytes = std::fs::read(&file).expect("the figure");
+            let (_, begin) = kinds
+                .iter()
+                .find(|kind| kind.0.ends_with(format))
+                .expect("a kind");
+            assert!(bytes.starts_with(begin), "{}", file.display());
+        }
+    }
+    std::fs::remove_file(place.path("report/report.md")).expect("removed");
+    let message = fails(&["reproduce", "layouts", "--out", &report], 2);
+    assert!(
+        message.contains("layouts.svg") && message.contains("--force"),
+        "{message}"
+    );
 }
 
 #[test]

@@ -43,7 +43,7 @@ fn synthesized(name: &str, maneuver: &str, subject: &Subject, tunnel: bool) -> R
 fn an_experiment_is_flown_reconstructed_and_reported() {
     let out = folder("report");
     let what = ["layouts", "poses", "oscillation-map"].map(str::to_owned);
-    let report = reproduce(&what, &out, &|| {}).expect("a report");
+    let report = reproduce(&what, &out, &[], &|| {}).expect("a report");
     let [layouts] = report.outcomes.as_slice() else {
         panic!("one experiment: {report:?}");
     };
@@ -61,19 +61,21 @@ fn an_experiment_is_flown_reconstructed_and_reported() {
     }
     for picture in [
         "layouts.svg",
+        "layouts-matched.svg",
         "oscillation-map.svg",
         "flights/layouts/flight.toml",
     ] {
         assert!(out.join(picture).is_file(), "{picture}");
     }
-    let problem = reproduce(&["loops".to_owned()], &out, &|| {}).expect_err("no such experiment");
+    let problem =
+        reproduce(&["loops".to_owned()], &out, &[], &|| {}).expect_err("no such experiment");
     assert!(problem.with_causes().contains("loops"));
 }
 
 #[test]
 fn matched_turns_are_within_the_papers_accuracy() {
     let what = ["aggressive-turns", "novice-turns"].map(str::to_owned);
-    let report = reproduce(&what, &folder("matched"), &|| {}).expect("a report");
+    let report = reproduce(&what, &folder("matched"), &[], &|| {}).expect("a report");
     let [turns, by_expert] = report.outcomes.as_slice() else {
         panic!("two experiments: {report:?}");
     };

@@ -7,6 +7,7 @@
 //! Each experiment is flown twice: with muscle moments alone, which is the program's model, and matched, with the paper's
 //! muscle forces, which is the model that the paper's filter has.
 
+mod drawings;
 pub mod experiments;
 mod flown;
 mod matched;
@@ -21,6 +22,7 @@ use serde::Serialize;
 use super::sensitivity::{self, sensitivity};
 use super::{bifurcation, poses};
 use crate::estimate::svg;
+use crate::output::figure::Format;
 use bodyflight_estimation::motion::{Method, Settings};
 use bodyflight_estimation::windows::estimate;
 use bodyflight_estimation::{Filter, motion};
@@ -30,6 +32,8 @@ use bodyflight_laboratory::synthesize::Additions;
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::Flight;
+use drawings::Drawings;
+pub use drawings::figures;
 use experiments::{EXPERIMENTS, Experiment};
 use flown::{fly, preset};
 use report::{Outcome, Parts};
@@ -46,6 +50,9 @@ pub struct Report {
 
 /// Parts of a report that are not flights.
 pub const PARTS: [&str; 3] = ["poses", "oscillation-map", "sensitivity"];
+
+/// Those of them that are figures.
+const DRAWN_PARTS: [&str; 2] = ["oscillation-map", "sensitivity"];
 
 /// Parts that take minutes.
 pub const LONG_PARTS: [&str; 2] = ["levers", "settings"];
@@ -69,26 +76,36 @@ pub fn is_wanted(what: &[String], name: &str) -> bool {
 }
 
 /// Flies and reconstructs the named experiments, or what [`is_wanted`] if none is named, and writes `report.md`, figures and flights
-/// into `folder`. `progress` is called once for each experiment and part that is wanted.
+/// into `folder`. The figures are SVG, and also what is asked for in `formats`. `progress` is called once for each experiment
+/// and part that is wanted.
 ///
 /// # Errors
 /// Returns an error if a name is unknown, or the folder cannot be written to.
-pub fn reproduce(what: &[String], folder: &Path, progress: &(dyn Fn() + Sync)) -> Result<Report> {
+pub fn reproduce(
+    what: &[String],
+    folder: &Path,
+    formats: &[Format],
+    progress: &(dyn Fn() + Sync),
+) -> Result<Report> {
     let wanted = |name: &str| is_wanted(what, name);
     if let Some(unknown) = what.iter().find(|asked| names().all(|name| name != *asked)) {
         return Err(Problem::unknown("experiment", unknown, names()));
     }
+    for format in formats {
+        format.available()?;
+    }
+    let drawings = Drawings { folder, formats };
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
     let outcomes = EXPERIMENTS
         .par_iter()
         .filter(|experiment| wanted(experiment.name))
         .map(|experiment| {
-            let outcome = run(experiment, folder);
+            let outcome = run(experiment, drawings);
             progress();
             outcome
         })
         .collect::<Result<Vec<_>>>()?;
-    let parts = parts(wanted, folder, progress)?;
+    let parts = parts(wanted, drawings, progress)?;
     let path = folder.join("report.md");
     let text = report::markdown(&outcomes, &parts);
     write_file(&path, text.as_bytes())?;
@@ -99,7 +116,12 @@ pub fn reproduce(what: &[String], folder: &Path, progress: &(dyn Fn() + Sync)) -
 }
 
 /// Computes the parts that are not flights.
-fn parts(wanted: impl Fn(&str) -> bool, folder: &Path, progress: &dyn Fn()) -> Result<Parts> {
+fn parts(
+    wanted: impl Fn(&str) -> bool,
+    drawings: Drawings<'_>,
+    progress: &dyn Fn(),
+) -> Result<Parts> {
+    let folder = drawings.folder;
     let done = |part: &str| {
         if wanted(part) {
             progress();
@@ -110,13 +132,10 @@ fn parts(wanted: impl Fn(&str) -> bool, folder: &Path, progress: &dyn Fn()) -> R
     let map = wanted("oscillation-map");
     if map {
         let dynamics = Flight::bare(Path::new("")).dynamics(0.0);
-        write_file(
-            &folder.join("oscillation-map.svg"),
-            bifurcation::svg(&dynamics)?.as_bytes(),
-        )?;
+        drawings.write("oscillation-map", &bifurcation::svg(&dynamics)?)?;
     }
     done("oscillation-map");
-    let sensitivity = wanted("sensitivity").then(|| vary(folder)).transpose()?;
+    let sensitivity = wanted("sensitivity").then(|| vary(drawings)).transpose()?;
     done("sensitivity");
     let levers = wanted("levers")
         .then(|| matched::levers(folder))
@@ -136,18 +155,19 @@ fn parts(wanted: impl Fn(&str) -> bool, folder: &Path, progress: &dyn Fn()) -> R
 }
 
 /// Varies each parameter by 30 % in the turns of an experienced skydiver, and draws the result.
-fn vary(folder: &Path) -> Result<sensitivity::Report> {
-    let at = folder.join("flights/sensitivity");
+fn vary(drawings: Drawings<'_>) -> Result<sensitivity::Report> {
+    let at = drawings.folder.join("flights/sensitivity");
     let flown = fly("rotations", false, Additions::default(), &at)?;
     let flight = Flight::read(&flown.flight)?;
     let preset = preset("turning-experienced")?;
     let found = sensitivity(&flight, 0.3, Some(preset), Options::default(), &mut || {})?;
     let svg = found.svg("Turns in free fall, each parameter 30 % less and more");
-    write_file(&folder.join("sensitivity.svg"), svg.as_bytes())?;
+    drawings.write("sensitivity", &svg)?;
     Ok(found)
 }
 
-fn run(experiment: &Experiment, folder: &Path) -> Result<Outcome> {
+fn run(experiment: &Experiment, drawings: Drawings<'_>) -> Result<Outcome> {
+    let folder = drawings.folder;
     let preset = preset(experiment.preset)?;
     let flights = folder.join("flights").join(experiment.name);
     let additions = Additions::default();
@@ -175,10 +195,13 @@ fn run(experiment: &Experiment, folder: &Path) -> Result<Outcome> {
         method: Method::Filter,
     };
     let by_motion = motion::estimate(&flight, &settings, options, Precision::Double, &mut |_| {})?;
-    let (matched_amplitude, matched) = matched::run(experiment, &by_paper, folder)?;
-    let figure = PathBuf::from(format!("{}.svg", experiment.name));
-    let svg = svg(&by_paper, experiment.title)?;
-    write_file(&folder.join(&figure), svg.as_bytes())?;
+    let matched = matched::run(experiment, &by_paper, folder)?;
+    let (name, matched_name) = drawings::names(experiment);
+    let figure = drawings.write(&name, &svg(&by_paper, experiment.title)?)?;
+    let matched_figure = matched_name
+        .zip(matched.figure)
+        .map(|(name, svg)| drawings.write(&name, &svg))
+        .transpose()?;
     Ok(Outcome {
         name: experiment.name,
         duration_s: flown.duration_s,
@@ -187,9 +210,10 @@ fn run(experiment: &Experiment, folder: &Path) -> Result<Outcome> {
         paper_filter: by_paper.report.rms,
         motion_filter: by_motion.report.rms,
         doubt: by_motion.report.doubt,
-        matched_amplitude,
-        matched,
+        matched_amplitude: matched.amplitude,
+        matched: matched.gap,
         tunnel: flown.tunnel,
         figure,
+        matched_figure,
     })
 }

@@ -69,14 +69,14 @@ pub(super) struct Args {
 
 /// Formats by name.
 #[derive(clap::ValueEnum, Clone, Copy)]
-enum FormatName {
+pub(super) enum FormatName {
     Svg,
     Pdf,
     Png,
 }
 
 impl FormatName {
-    const fn format(self) -> Format {
+    pub(super) const fn format(self) -> Format {
         match self {
             Self::Svg => Format::Svg,
             Self::Pdf => Format::Pdf,

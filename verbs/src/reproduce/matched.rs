@@ -17,32 +17,54 @@ use bodyflight_replay::comparison::{Channel, PerChannel};
 use bodyflight_replay::flight::Flight;
 use rayon::prelude::*;
 
+use super::drawings::MATCHED;
 use super::experiments::{Experiment, Procedure};
 use super::flown::{fly, preset};
+use crate::estimate::svg;
+use crate::output::plot::comparison_svg;
 use crate::simulate::simulate;
 
-/// The matched flight of an experiment: largest value of each channel, and gap of the paper's own procedure.
-pub(super) fn run(
-    experiment: &Experiment,
-    plain: &Estimation,
-    folder: &Path,
-) -> Result<(PerChannel, PerChannel)> {
+/// The matched flight of an experiment.
+pub(super) struct Matched {
+    /// Largest value of each channel.
+    pub(super) amplitude: PerChannel,
+    /// RMS gap of the paper's own procedure.
+    pub(super) gap: PerChannel,
+    /// Its reconstruction as SVG, if it is not that of the plain flight.
+    pub(super) figure: Option<String>,
+}
+
+/// Flies and reconstructs the matched flight of an experiment.
+pub(super) fn run(experiment: &Experiment, plain: &Estimation, folder: &Path) -> Result<Matched> {
     if experiment.procedure == Procedure::Constant {
         // Without muscle input the flights with and without its forces are the same.
-        return Ok((plain.report.amplitude, plain.report.rms_constant));
+        return Ok(Matched {
+            amplitude: plain.report.amplitude,
+            gap: plain.report.rms_constant,
+            figure: None,
+        });
     }
     let flights = folder
         .join("flights")
-        .join(format!("{}-matched", experiment.name));
+        .join(format!("{}-{MATCHED}", experiment.name));
+    let title = format!("{}, with the paper's muscle forces", experiment.title);
     let arms = FITTED_LEVER_ARMS;
     let flight = flown(experiment.matched, experiment.tunnel, arms, &flights)?;
     if experiment.procedure == Procedure::Simulation {
         let (options, precision) = (Options::default(), Precision::Double);
         let run = simulate(&flight, options, precision, &mut |_| Ok(()), &mut |_| {})?;
-        return Ok((run.comparison.amplitude(), run.comparison.rms()));
+        return Ok(Matched {
+            amplitude: run.comparison.amplitude(),
+            gap: run.comparison.rms(),
+            figure: Some(comparison_svg(&title, &run.comparison)?),
+        });
     }
     let found = filtered(&flight, &with_arms(preset(experiment.preset)?, arms))?;
-    Ok((found.report.amplitude, found.report.rms))
+    Ok(Matched {
+        amplitude: found.report.amplitude,
+        gap: found.report.rms,
+        figure: Some(svg(&found, &title)?),
+    })
 }
 
 /// A flight of a script with the paper's muscle forces and these lever arms (shares of the stature).

@@ -35,8 +35,10 @@ pub struct Outcome {
     pub matched: PerChannel,
     /// Events in the tunnel, for experiments in one.
     pub tunnel: Option<Tunnel>,
-    /// File name of the figure.
+    /// File name of the figure, as SVG.
     pub figure: PathBuf,
+    /// File name of the figure of the matched flight, if that is another one.
+    pub matched_figure: Option<PathBuf>,
 }
 
 /// The paper's accuracy, sections "Model Validation in Experiments" and "Discussion", for the channels that it gives.
@@ -320,6 +322,15 @@ fn section(text: &mut String, outcome: &Outcome) {
     let _ = writeln!(text, "\n{}", experiment.differs);
     if let Some(tunnel) = &outcome.tunnel {
         let _ = writeln!(text, "\nTunnel: {tunnel}.");
+    }
+    if let Some(figure) = &outcome.matched_figure {
+        let by = experiment.procedure.in_words();
+        let _ = writeln!(
+            text,
+            "\nMatched, by {by}:\n\n![matched]({})",
+            figure.display()
+        );
+        let _ = writeln!(text, "\nMoments, by the paper's filter:");
     }
     let _ = writeln!(text, "\n![reconstruction]({})", outcome.figure.display());
 }
