@@ -7,10 +7,9 @@ use bodyflight_core::body::{SEGMENT_COUNT, SegmentArray};
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::estimator::full::Full;
 use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset};
-use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::reduced::Reduced;
 
-use crate::joint_errors::{JointErrors, joint_errors};
+use crate::joint_errors::{Doubts, JointErrors, joint_errors};
 use crate::measured::MeasuredFlight;
 use crate::replayed::Replayed;
 
@@ -145,7 +144,7 @@ fn with_each<R>(
         None
     };
     reached(0.0);
-    let least = least_doubt(found.as_ref());
+    let doubts = found.as_ref().map_or(Doubts::NONE, JointErrors::doubts);
     let about = Sizes::about(f64::from(preset.joint_error));
     let sizes = found.as_ref().map_or(about, |_| Sizes::any());
     // If joint errors wander in the first minute, the whole flight has no solution with constant ones.
@@ -160,8 +159,8 @@ fn with_each<R>(
         let begin = Instant::now();
         let smooth = whole.clone().filter(|_| method == Method::Smooth);
         let estimates = match precision {
-            Single => points::<f32>(&run, settings.filter, &preset, smooth, least)?,
-            Double => points::<f64>(&run, settings.filter, &preset, smooth, least)?,
+            Single => points::<f32>(&run, settings.filter, &preset, smooth, doubts)?,
+            Double => points::<f64>(&run, settings.filter, &preset, smooth, doubts)?,
         };
         let seconds = found_s + begin.elapsed().as_secs_f64();
         progress::stage("simulating with the estimates");
@@ -194,20 +193,11 @@ fn points<T: Real>(
     filter: Filter,
     preset: &MotionPreset,
     smooth: Option<(Sizes, MotionPreset)>,
-    least: Consistency,
+    doubts: Doubts,
 ) -> Result<Points> {
     match filter {
-        Filter::Paper => run.points::<T, Full>(preset, smooth, least),
-        Filter::Reduced => run.points::<T, Reduced>(preset, smooth, least),
-    }
-}
-
-/// Least doubt of each estimate, for joint errors as found.
-fn least_doubt(found: Option<&JointErrors>) -> Consistency {
-    if found.is_some_and(|errors| !errors.is_plausible) {
-        Consistency::Doubtful
-    } else {
-        Consistency::Consistent
+        Filter::Paper => run.points::<T, Full>(preset, smooth, doubts),
+        Filter::Reduced => run.points::<T, Reduced>(preset, smooth, doubts),
     }
 }
 

@@ -11,11 +11,11 @@ use bodyflight_core::estimator::motion::settings::{ASSUMED_DEVIATION, MotionPres
 use bodyflight_core::estimator::motion::state::{
     Difference, FlightState, MUSCLE, VELOCITY, inputs_of,
 };
-use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::propagation::Propagation;
 use bodyflight_core::flight_sample::FlightSample;
 
 use crate::forward::{STRIDE, Sample};
+use crate::joint_errors::Doubts;
 use crate::report::{Flags, Point, Watched};
 use crate::size::Sizes;
 use crate::velocities::Velocities;
@@ -109,12 +109,12 @@ impl<'a> Run<'a> {
     }
 
     /// Estimates with a filter, and by the whole flight if `smooth` gives the possible sizes of the joint errors and the preset
-    /// for it. `least` is the least doubt of each estimate.
+    /// for it. `doubts` are added to what the filter states.
     pub(crate) fn points<T: Real, P: Propagation<T>>(
         &self,
         preset: &MotionPreset,
         smooth: Option<(Sizes, MotionPreset)>,
-        least: Consistency,
+        doubts: Doubts,
     ) -> Result<Points> {
         let mut points = Vec::new();
         let mut places = Vec::new();
@@ -138,11 +138,13 @@ impl<'a> Run<'a> {
                     return;
                 };
                 let watch = estimate.watch.cast();
-                let consistency = estimate.consistency.max(least);
+                let consistency = estimate.consistency.max(doubts.least);
                 collector.take(&watch, consistency, instant.time, instant.time - last);
                 last = instant.time;
                 flags.count_faults(estimate.faults);
-                let deviation = estimate.deviation.map(Real::to_f64);
+                let mut deviation = estimate.deviation.map(Real::to_f64);
+                let mut of_muscle = deviation.fixed_rows_mut::<3>(MUSCLE);
+                of_muscle *= doubts.muscle;
                 places.push((index + 1) / STRIDE);
                 points.push(Point {
                     normalised_innovation: estimate.normalised_innovation.to_f64(),

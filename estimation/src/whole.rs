@@ -37,6 +37,10 @@ const NEARLY_SETTLED: f64 = 2.0;
 /// Its estimate is below 0.13 on synthetic flights with constant errors, and above 0.7 if they wander by 1 degree.
 const STAYS: f32 = 0.25;
 
+/// Distance of the damping from its mean, in its prior deviations, from which on the solution is none: damping that explains
+/// what joint errors do ends at its limits.
+const IMPLAUSIBLE_DAMPING: f64 = 3.0;
+
 /// Mean turn of the joint axes (rad) after which the loads of the joint errors are computed anew: a hundredth of a turn
 /// changes them by some per cent.
 const RENEWED: f64 = 0.01;
@@ -125,8 +129,8 @@ impl<'a> Whole<'a> {
         }
     }
 
-    /// Solves for the start and the end of each interval; `None` if there is no solution, if joint errors wander, or if they
-    /// do not settle, because they are too large for the loads to be linear in them.
+    /// Solves for the start and the end of each interval; `None` if there is no solution, if joint errors wander, if they do
+    /// not settle, because they are too large for the loads to be linear in them, or if the damping is nobody's.
     ///
     /// # Errors
     /// Returns an error if the program is interrupted.
@@ -134,6 +138,9 @@ impl<'a> Whole<'a> {
         let Some((mut solution, true)) = self.until(SETTLED)? else {
             return Ok(None);
         };
+        if self.damping_is_implausible() {
+            return Ok(None);
+        }
         self.load_by_joints(&mut solution.known);
         solution.doubt_linear_loads();
         Ok(Some(solution))
@@ -178,6 +185,20 @@ impl<'a> Whole<'a> {
         Ok(last.filter(|_| self.stays()))
     }
 
+    /// Whether the mean damping of the flight is too far from that expected.
+    fn damping_is_implausible(&self) -> bool {
+        let preset = &self.assumed.preset;
+        (0..3).any(|axis| {
+            let found = self.course.trajectory.iter();
+            let sum: f64 = found
+                .map(|state| state.inputs.damping.to_array()[axis])
+                .sum();
+            let mean = sum / self.course.trajectory.len() as f64;
+            let deviation = self.assumed.offsets[3 + axis];
+            (mean - f64::from(preset.damping[axis])).abs() > IMPLAUSIBLE_DAMPING * deviation
+        })
+    }
+
     /// Whether joint errors are constant, as far as the flight tells.
     fn stays(&self) -> bool {
         self.assumed.preset.joint_error <= STAYS.to_radians()
@@ -220,7 +241,7 @@ impl<'a> Whole<'a> {
         self.course.trajectory = known.iter().map(|known| known.state).collect();
         self.course.errors += found.errors.fixed_rows::<DIRECTIONS>(0);
         self.wake(&scores.each);
-        self.course.pulls.clone_from(&scores.pulls);
+        self.course.pulls = scores.pulls_as_found();
         self.assumed.follow(&scores);
         let variances = found.covariance.diagonal();
         let steps = found.errors.iter().zip(&variances).take(DIRECTIONS);

@@ -62,6 +62,16 @@ pub struct Scores {
     pub pulls: Vec<[f64; 3]>,
 }
 
+impl Scores {
+    /// The pulls as the flight asks for them. They are proportional to the assumed noise about an axis; where the flight has
+    /// less than the least that is assumed, they would pull the damping away from what the measurements say.
+    pub fn pulls_as_found(&self) -> Vec<[f64; 3]> {
+        let weights = [0, 1, 2].map(|axis| self.quiet[axis].factor().min(1.0));
+        let weighted = |pulls: &[f64; 3]| std::array::from_fn(|axis| weights[axis] * pulls[axis]);
+        self.pulls.iter().map(weighted).collect()
+    }
+}
+
 /// The transpose of the propagation over an interval.
 fn uncrossed<const N: usize>(
     slope: &MotionSlope<f64>,
