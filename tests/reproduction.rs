@@ -61,7 +61,6 @@ fn an_experiment_is_flown_reconstructed_and_reported() {
     }
     for picture in [
         "layouts.svg",
-        "layouts-matched.svg",
         "oscillation-map.svg",
         "flights/layouts/flight.toml",
     ] {

@@ -196,12 +196,10 @@ fn run(experiment: &Experiment, drawings: Drawings<'_>) -> Result<Outcome> {
     };
     let by_motion = motion::estimate(&flight, &settings, options, Precision::Double, &mut |_| {})?;
     let matched = matched::run(experiment, &by_paper, folder)?;
-    let (name, matched_name) = drawings::names(experiment);
-    let figure = drawings.write(&name, &svg(&by_paper, experiment.title)?)?;
-    let matched_figure = matched_name
-        .zip(matched.figure)
-        .map(|(name, svg)| drawings.write(&name, &svg))
-        .transpose()?;
+    let figure = matched
+        .figure
+        .map_or_else(|| svg(&by_paper, experiment.title), Ok)?;
+    let figure = drawings.write(experiment.name, &figure)?;
     Ok(Outcome {
         name: experiment.name,
         duration_s: flown.duration_s,
@@ -214,6 +212,5 @@ fn run(experiment: &Experiment, drawings: Drawings<'_>) -> Result<Outcome> {
         matched: matched.gap,
         tunnel: flown.tunnel,
         figure,
-        matched_figure,
     })
 }

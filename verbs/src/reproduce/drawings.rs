@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use bodyflight_io::diagnostic::Result;
 
-use super::experiments::{EXPERIMENTS, Experiment, Procedure};
-use super::is_wanted;
+use super::experiments::EXPERIMENTS;
+use super::{DRAWN_PARTS, is_wanted};
 use crate::output::figure::{Format, write_figure};
 
 /// Where figures go, and in which formats beside SVG, which the report shows.
@@ -25,29 +25,13 @@ impl Drawings<'_> {
     }
 }
 
-/// Names of the figures of an experiment: the flight with muscle moments, and the matched one where it is another.
-pub(super) fn names(experiment: &Experiment) -> (String, Option<String>) {
-    let name = experiment.name.to_owned();
-    let matched =
-        (experiment.procedure != Procedure::Constant).then(|| format!("{name}-{MATCHED}"));
-    (name, matched)
-}
-
-/// What is added to the names of matched flights.
-pub(super) const MATCHED: &str = "matched";
-
 /// File names of all figures of a report.
 pub fn figures(what: &[String], formats: &[Format]) -> Vec<PathBuf> {
-    let of_experiments = EXPERIMENTS.iter().flat_map(|experiment| {
-        let (moments, matched) = names(experiment);
-        [Some(moments), matched].map(|name| (experiment.name, name))
-    });
-    let of_parts = super::DRAWN_PARTS.map(|part| (part, Some(part.to_owned())));
-    of_experiments
-        .chain(of_parts)
-        .filter(|(wanted, _)| is_wanted(what, wanted))
-        .filter_map(|(_, name)| name)
-        .flat_map(|name| files(&name, formats))
+    let experiments = EXPERIMENTS.iter().map(|experiment| experiment.name);
+    experiments
+        .chain(DRAWN_PARTS)
+        .filter(|name| is_wanted(what, name))
+        .flat_map(|name| files(name, formats))
         .collect()
 }
 

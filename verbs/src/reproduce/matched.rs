@@ -17,7 +17,6 @@ use bodyflight_replay::comparison::{Channel, PerChannel};
 use bodyflight_replay::flight::Flight;
 use rayon::prelude::*;
 
-use super::drawings::MATCHED;
 use super::experiments::{Experiment, Procedure};
 use super::flown::{fly, preset};
 use crate::estimate::svg;
@@ -30,7 +29,7 @@ pub(super) struct Matched {
     pub(super) amplitude: PerChannel,
     /// RMS gap of the paper's own procedure.
     pub(super) gap: PerChannel,
-    /// Its reconstruction as SVG, if it is not that of the plain flight.
+    /// Its reconstruction as SVG; `None` if the plain flight is the same.
     pub(super) figure: Option<String>,
 }
 
@@ -46,7 +45,7 @@ pub(super) fn run(experiment: &Experiment, plain: &Estimation, folder: &Path) ->
     }
     let flights = folder
         .join("flights")
-        .join(format!("{}-{MATCHED}", experiment.name));
+        .join(format!("{}-matched", experiment.name));
     let title = format!("{}, with the paper's muscle forces", experiment.title);
     let arms = FITTED_LEVER_ARMS;
     let flight = flown(experiment.matched, experiment.tunnel, arms, &flights)?;

@@ -35,10 +35,8 @@ pub struct Outcome {
     pub matched: PerChannel,
     /// Events in the tunnel, for experiments in one.
     pub tunnel: Option<Tunnel>,
-    /// File name of the figure, as SVG.
+    /// File name of the figure of the matched flight, as SVG.
     pub figure: PathBuf,
-    /// File name of the figure of the matched flight, if that is another one.
-    pub matched_figure: Option<PathBuf>,
 }
 
 /// The paper's accuracy, sections "Model Validation in Experiments" and "Discussion", for the channels that it gives.
@@ -95,7 +93,7 @@ pub(super) fn markdown(outcomes: &[Outcome], parts: &Parts) -> String {
              motion filter, the default.\n\n\
              The paper reports one accuracy for all experiments. Its velocities are for amplitudes of 15 m/s horizontally, which its \
              track of 33 m/s exceeds, and its transitions had no receiver, so it does not say how well the velocities of these two are \
-             reconstructed. The last table lists what is not reconstructed, and why.\n",
+             reconstructed. The figures show the matched flights. The last table lists what is not reconstructed, and why.\n",
         );
     }
     for outcome in outcomes {
@@ -322,15 +320,6 @@ fn section(text: &mut String, outcome: &Outcome) {
     let _ = writeln!(text, "\n{}", experiment.differs);
     if let Some(tunnel) = &outcome.tunnel {
         let _ = writeln!(text, "\nTunnel: {tunnel}.");
-    }
-    if let Some(figure) = &outcome.matched_figure {
-        let by = experiment.procedure.in_words();
-        let _ = writeln!(
-            text,
-            "\nMatched, by {by}:\n\n![matched]({})",
-            figure.display()
-        );
-        let _ = writeln!(text, "\nMoments, by the paper's filter:");
     }
     let _ = writeln!(text, "\n![reconstruction]({})", outcome.figure.display());
 }
