@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 
 use crate::axes::{BodyAxes, WorldAxes, is_right_handed};
+use crate::conflicts;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::input;
@@ -344,7 +345,8 @@ impl Mapping {
                 .at("quaternions")
                 .help("forward = \"z\", or \"-x\" and so on"));
         }
-        self.check_rows()
+        self.check_rows()?;
+        conflicts::check(self)
     }
 
     fn check_rows(&self) -> Result<()> {
