@@ -112,7 +112,25 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     }
     at_least_one("flights", args.flights)?;
     let names = args.effects.iter().flat_map(|names| names.split(','));
+    let names: Vec<&str> = names.collect();
+    if names.len() > 1 && names.contains(&"clean") {
+        return Err(Problem::bad_input(
+            "expected clean alone, or effects, found both",
+        ));
+    }
+    for (place, name) in names.iter().enumerate() {
+        // Several loads are drawn one after another.
+        let is_there = names
+            .get(..place)
+            .is_some_and(|before| before.contains(name));
+        if *name != DRAWN && is_there {
+            return Err(Problem::bad_input(format!(
+                "expected each effect once, found {name} twice"
+            )));
+        }
+    }
     let mut hidden = names
+        .into_iter()
         .filter(|name| *name != "clean")
         .map(|name| hidden(name, args.seed, args.strength))
         .collect::<Result<Vec<_>>>()?;
