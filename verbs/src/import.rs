@@ -208,7 +208,8 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
         write_file(&picture, drawing.as_bytes())?;
     }
     let flight = write_flight(request.subject, request.folder, "")?;
-    let (mut warnings, mut doubts) = remarks::warnings(request, &source, has_places);
+    let (mut warnings, mut doubts) =
+        remarks::warnings((request.subject, request.has_subject), &source, has_places);
     warnings.extend(seen.warnings.iter().map(ToString::to_string));
     doubts.extend(seen.faults());
     let last = source.timing.indices.last().copied().unwrap_or(0);

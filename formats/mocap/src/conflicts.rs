@@ -1,32 +1,38 @@
 //! Fields of a mapping that contradict each other.
 
+use std::collections::BTreeMap;
+
 use bodyflight_core::Segment;
 use bodyflight_io::diagnostic::{Problem, Result};
 
-use crate::mapping::{Kind, Mapping, Point, Row};
+use crate::row::{Kind, Point, Row};
 
 /// Checks that points, columns and joints are not taken for two things at once.
 ///
 /// # Errors
 /// Returns an error that names the segment.
-pub(crate) fn check(mapping: &Mapping) -> Result<()> {
-    if let Some(position) = &mapping.position {
-        different(&position.columns).map_err(|problem| {
+pub(crate) fn check(
+    kind: Kind,
+    position: Option<&[String; 3]>,
+    segments: &BTreeMap<String, Row>,
+) -> Result<()> {
+    if let Some(columns) = position {
+        different(columns).map_err(|problem| {
             problem
                 .at("position.columns")
                 .help("one column each for X, Y and Z")
         })?;
     }
-    for (name, row) in &mapping.segments {
-        in_row(mapping.kind, row).map_err(|problem| problem.at(format!("segments.{name}")))?;
+    for (name, row) in segments {
+        in_row(kind, row).map_err(|problem| problem.at(format!("segments.{name}")))?;
     }
-    let of_model = |segment: Segment| Some((segment, mapping.segments.get(segment.name())?));
+    let of_model = |segment: Segment| Some((segment, segments.get(segment.name())?));
     let rows: Vec<(Segment, &Row)> = Segment::ALL.into_iter().filter_map(of_model).collect();
     for (place, (segment, row)) in rows.iter().enumerate() {
         let before = rows.get(..place).unwrap_or_default();
         let taken = before.iter().find(|(other, others)| {
             // Parts of the trunk may share what the source has.
-            (is_limb(*segment) || is_limb(*other)) && same(mapping.kind, row, others)
+            (is_limb(*segment) || is_limb(*other)) && same(kind, row, others)
         });
         if let Some((other, _)) = taken {
             return Err(Problem::bad_input(format!(
@@ -37,7 +43,7 @@ pub(crate) fn check(mapping: &Mapping) -> Result<()> {
             .help("leave out a segment that the file lacks, if it is an abdomen, a head, a hand or a foot"));
         }
         let inner = segment.parent().filter(|inner| is_limb(*inner));
-        let inner = inner.and_then(|inner| mapping.segments.get(inner.name()).zip(Some(inner)));
+        let inner = inner.and_then(|inner| segments.get(inner.name()).zip(Some(inner)));
         if let Some((inner_row, inner)) = inner {
             for (end, own, other) in [
                 ("begins", &row.from, &inner_row.from),
@@ -130,7 +136,7 @@ fn different(columns: &[String]) -> Result<()> {
 mod tests {
     use std::path::Path;
 
-    use super::*;
+    use crate::mapping::Mapping;
 
     const POINTS: &str = "kind = \"points\"\n[world]\naxes = [\"north\", \"west\", \"up\"]\n[time]\nrate_hz = 100\n\
         [position]\ncolumns = [\"a\", \"b\", \"c\"]\n\

@@ -26,6 +26,7 @@ mod opensense;
 mod points;
 pub mod repair;
 mod rest;
+pub mod row;
 pub mod rows;
 mod sensors;
 pub mod skeleton;

@@ -100,17 +100,8 @@ pub(super) struct Written {
     truth: PathBuf,
 }
 
-pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    for (name, value, low, high) in [
-        ("duration", args.duration, 2.0, 300.0),
-        ("noise", args.noise, 0.0, 20.0),
-        ("sensor-noise", args.sensor_noise, 0.0, 20.0),
-        ("rate", args.rate, 30.0, 240.0),
-        ("strength", args.strength.unwrap_or(0.5), 0.0, 1.0),
-    ] {
-        within(name, value, [low, high], "")?;
-    }
-    at_least_one("flights", args.flights)?;
+/// The names of the effects, each once.
+fn names(args: &Args) -> Result<Vec<&str>> {
     let names = args.effects.iter().flat_map(|names| names.split(','));
     let names: Vec<&str> = names.collect();
     if names.len() > 1 && names.contains(&"clean") {
@@ -129,6 +120,21 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
             )));
         }
     }
+    Ok(names)
+}
+
+pub(super) fn run(args: &Args, json: bool) -> Result<()> {
+    for (name, value, low, high) in [
+        ("duration", args.duration, 2.0, 300.0),
+        ("noise", args.noise, 0.0, 20.0),
+        ("sensor-noise", args.sensor_noise, 0.0, 20.0),
+        ("rate", args.rate, 30.0, 240.0),
+        ("strength", args.strength.unwrap_or(0.5), 0.0, 1.0),
+    ] {
+        within(name, value, [low, high], "")?;
+    }
+    at_least_one("flights", args.flights)?;
+    let names = names(args)?;
     let mut hidden = names
         .into_iter()
         .filter(|name| *name != "clean")

@@ -5,8 +5,6 @@ use bodyflight_mocap::source::Source;
 use bodyflight_replay::person::disproportionate;
 use bodyflight_replay::subject::Subject;
 
-use super::Request;
-
 /// Relative difference allowed between the thigh lengths of source and subject.
 const THIGH: f64 = 0.15;
 /// Lowest frame rate that can follow a body in flight (Hz).
@@ -14,7 +12,7 @@ const SLOW: f64 = 50.0;
 
 /// Remarks about the source, and those among them that contradict it.
 pub(super) fn warnings(
-    request: &Request<'_>,
+    (subject, is_known): (&Subject, bool),
     source: &Source,
     has_places: bool,
 ) -> (Vec<String>, Vec<String>) {
@@ -35,15 +33,15 @@ pub(super) fn warnings(
             source.timing.rate
         ));
     }
-    warnings.extend(no_subject(request.has_subject, request.subject));
-    let own = request.subject.body().segments[Segment::LeftThigh].length;
+    warnings.extend(no_subject(is_known, subject));
+    let own = subject.body().segments[Segment::LeftThigh].length;
     if let Some(thigh) = source.lengths_m[Segment::LeftThigh]
         && ((thigh / own) - 1.0).abs() > THIGH
     {
         let said = format!(
             "the thigh of the source is {thigh:.3} m long, that of the subject {own:.3} m: is it the same person?"
         );
-        doubts.extend(request.has_subject.then(|| said.clone()));
+        doubts.extend(is_known.then(|| said.clone()));
         warnings.push(said);
     }
     if let Some((_, said)) = disproportionate(|segment| source.lengths_m[segment]) {

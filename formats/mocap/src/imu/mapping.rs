@@ -290,6 +290,25 @@ impl ImuMapping {
         Ok(rows)
     }
 
+    /// Checks that each segment has a sensor of its own.
+    fn check_sensors(&self, rows: &[(Segment, &SensorRow)]) -> Result<()> {
+        for (place, (segment, row)) in rows.iter().enumerate() {
+            let before = rows.get(..place).unwrap_or_default();
+            let taken = before.iter().find(|(_, other)| {
+                !self.is_mvnx() && other.file == row.file && other.prefix == row.prefix
+            });
+            if let Some((other, _)) = taken {
+                return Err(Problem::bad_input(format!(
+                    "it has the file and the columns of {}: expected its own sensor",
+                    other.name()
+                ))
+                .at(format!("table sensors.{}", segment.name()))
+                .help("leave out a segment without a sensor"));
+            }
+        }
+        Ok(())
+    }
+
     fn check(&self) -> Result<()> {
         let positive = |name: &str, value: f64, most: f64| {
             if value > 0.0 && value <= most {
@@ -329,20 +348,7 @@ impl ImuMapping {
             }
         }
         let rows = self.rows()?;
-        for (place, (segment, row)) in rows.iter().enumerate() {
-            let before = rows.get(..place).unwrap_or_default();
-            let taken = before.iter().find(|(_, other)| {
-                !self.is_mvnx() && other.file == row.file && other.prefix == row.prefix
-            });
-            if let Some((other, _)) = taken {
-                return Err(Problem::bad_input(format!(
-                    "it has the file and the columns of {}: expected its own sensor",
-                    other.name()
-                ))
-                .at(format!("table sensors.{}", segment.name()))
-                .help("leave out a segment without a sensor"));
-            }
-        }
+        self.check_sensors(&rows)?;
         for (segment, row) in rows {
             let place = row.place_m.unwrap_or_default();
             if !place.iter().all(|part| part.abs() <= 1.0) {
