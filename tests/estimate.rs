@@ -159,7 +159,7 @@ fn a_plot_shows_what_the_filter_watches() {
         "residual load",
         "lost above",
         "roll (degrees)",
-        "yaw rate (degrees/s)",
+        "yaw rate, positive to the left (degrees/s)",
         "consistent ",
         "deg seen",
     ] {

@@ -137,7 +137,7 @@ fn a_flight_survives_conversion_to_points() {
     let (names, frames) = points();
     let trc = written(folder.path(), "jump.trc", &trc(&names, &frames));
     let c3d = folder.path().join("jump.c3d");
-    std::fs::write(&c3d, c3d::written(&names, &frames)).expect("written");
+    std::fs::write(&c3d, c3d::written(&names, &frames, 200.0)).expect("written");
     let map = points_mapping(folder.path());
     let nexus = written(folder.path(), "jump.csv", &nexus(&names, &frames));
     for file in [trc.as_str(), plain(&c3d), &nexus] {

@@ -5,6 +5,10 @@
 
 #[path = "nonsense/bodies.rs"]
 mod bodies;
+#[path = "imports/c3d.rs"]
+mod c3d;
+#[path = "nonsense/files.rs"]
+mod files;
 #[path = "nonsense/imports.rs"]
 mod imports;
 #[path = "nonsense/kinds.rs"]
@@ -361,8 +365,41 @@ fn import_is_not_silent_about_any_kind_of_nonsense() {
 }
 
 #[test]
-fn fall_is_not_silent_about_any_kind_of_nonsense() {
+fn import_is_not_silent_about_files_that_contradict_themselves() {
     let page = part(4);
+    let folder = tempfile::tempdir().expect("a folder");
+    let recorded = recorded(folder.path());
+    let at = |name: &str| folder.path().join(name).to_str().expect("plain").to_owned();
+    let (subject, out) = (at("good/subject.toml"), at("out"));
+    let mut wrong = Vec::new();
+    let mut seen = Vec::new();
+    for row in rows(&page) {
+        let [name, sentence, code] = row[..] else {
+            panic!("{row:?}: expected a kind, a sentence and a code");
+        };
+        let Some(kind) = files::OTHERS.iter().find(|kind| kind.name == name) else {
+            wrong.push(format!("{name}: no such kind"));
+            continue;
+        };
+        let own = kind.written(&recorded, folder.path());
+        let mut arguments = vec!["import"];
+        arguments.extend(own.iter().map(String::as_str));
+        arguments.extend(["--subject", &subject, "--out", &out, "--force"]);
+        let (said, ended) = bodyflight(&arguments);
+        if ended != code.parse().ok() || !said.contains(sentence) {
+            wrong.push(format!("{name}: ends with {ended:?}: {said}"));
+        }
+        seen.push(kind.name);
+    }
+    let missing = files::OTHERS.iter().map(|kind| kind.name);
+    let missing: Vec<_> = missing.filter(|name| !seen.contains(name)).collect();
+    assert!(missing.is_empty(), "not in the table: {missing:?}");
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn fall_is_not_silent_about_any_kind_of_nonsense() {
+    let page = part(5);
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("TRACK.CSV");
     let mut wrong = Vec::new();

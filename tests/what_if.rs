@@ -148,6 +148,17 @@ fn mistakes_name_the_joint_and_what_is_allowed() {
             ["l_thigh has no angle", "psi, theta, phi"],
         ),
         ("l_shank.bend=much", ["l_shank.bend", "FILE.csv:COLUMN"]),
+        (
+            "l_shank.bend=20@50..60",
+            [
+                "a window within the flight, from 0.00 to 4.00 s",
+                "changes nothing",
+            ],
+        ),
+        (
+            "l_shank.bend=20@-5..-1",
+            ["a window within the flight", "found -5 to -1 s"],
+        ),
     ] {
         let said = PROGRAM.fails(&["simulate", &flight, "--joint", change], 2);
         assert!(parts.iter().all(|part| said.contains(part)), "{said}");

@@ -34,7 +34,7 @@ const UNMEASURED: f32 = 10.0;
 const STRIDE: usize = 2;
 
 /// Lowest sample rate (Hz), at which the samples of one filter interval span 50 ms.
-const LOWEST_RATE: f32 = 40.0;
+pub const LOWEST_RATE: f32 = 40.0;
 
 /// Configuration of the computation.
 #[derive(Debug, Clone, Copy, PartialEq)]

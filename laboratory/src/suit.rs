@@ -88,10 +88,15 @@ impl JointErrors {
     /// Returns an error if a part is none of these or a number is not plausible.
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut errors = Self::NONE;
+        let mut named = Vec::new();
         for part in text.split(',') {
             let (name, value) = part
                 .split_once(':')
                 .ok_or_else(|| format!("expected name:value, found \"{part}\""))?;
+            if named.contains(&name) {
+                return Err(format!("expected {name} once, found it twice"));
+            }
+            named.push(name);
             let number = |text: &str, most: f64| {
                 text.parse::<f64>()
                     .ok()

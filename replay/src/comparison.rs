@@ -65,6 +65,15 @@ impl Channel {
         }
     }
 
+    /// Name in figures, with the sense of what may be read either way.
+    pub const fn titled(self) -> &'static str {
+        match self {
+            Self::Heading => "heading, positive to the left",
+            Self::YawRate => "yaw rate, positive to the left",
+            channel => channel.label().0,
+        }
+    }
+
     /// Unit used in figures and the conversion factor: degrees for angles and rates.
     pub const fn drawn(self) -> (&'static str, f64) {
         const DEGREES: f64 = 180.0 / core::f64::consts::PI;

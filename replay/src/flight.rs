@@ -16,12 +16,13 @@ use crate::conditions;
 use crate::frames::Frames;
 use crate::input_history::InputHistory;
 use crate::model_file::Effects;
+use crate::person;
 use crate::subject::Subject;
 use crate::tolerances::{SuitTable, ToleranceTable, tolerances};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::input;
-use bodyflight_mvnx::recording::Options;
+use bodyflight_mvnx::recording::{Options, Warning};
 
 /// Density if a flight gives none (kg/m3): that at about 2000 m.
 pub const DEFAULT_DENSITY: f64 = 1.0;
@@ -184,16 +185,28 @@ impl Flight {
     /// Returns an error if a file cannot be used, or the clocks cannot be aligned.
     pub fn open(&self, options: Options) -> Result<Frames> {
         let frames = Frames::open(&self.recording, self.gnss.as_deref(), options)?;
+        Ok(frames
+            .of_person(&self.subject.body(), self.has_subject)
+            .with_doubts(self.doubted())
+            .in_air(self.air_velocity)
+            .with_inputs(self.inputs.as_ref().and_then(InputHistory::ends)))
+    }
+
+    /// Air and coefficients that nobody flies in or has.
+    fn doubted(&self) -> Vec<Warning> {
         let density = match self.density {
             DensityChoice::Constant(density) => Some(density),
             DensityChoice::FirstFrameAltitude(_) => None,
         };
-        let doubts = conditions::doubted(self.air_velocity, density, &self.subject);
-        Ok(frames
-            .of_person(&self.subject.body(), self.has_subject)
-            .with_doubts(doubts)
-            .in_air(self.air_velocity)
-            .with_inputs(self.inputs.as_ref().and_then(InputHistory::ends)))
+        conditions::doubted(self.air_velocity, density, &self.subject)
+    }
+
+    /// Why nobody is this person or flies in this air, without any recording.
+    pub fn doubt(&self) -> Option<String> {
+        let person = person::unlikely(&self.subject.body());
+        let others = self.doubted().into_iter().map(|warning| warning.message);
+        let said: Vec<String> = person.into_iter().chain(others).collect();
+        (!said.is_empty()).then(|| said.join("; "))
     }
 
     /// A recording alone: default subject, still air of [`DEFAULT_DENSITY`].

@@ -125,6 +125,24 @@ pub fn changed(changes: &[JointChange], time: f64, posture: &Posture<f64>) -> Po
     })
 }
 
+/// Checks that each change by a constant acts in a flight between these times (s).
+///
+/// # Errors
+/// Returns an error that names the joint whose window is outside of the flight.
+pub fn check_windows(changes: &[JointChange], from: f64, to: f64) -> Result<()> {
+    let idle = changes.iter().find_map(|change| {
+        let window = change.window().filter(|_| change.constant().is_some())?;
+        (window[1] <= from || window[0] >= to).then_some((change, window))
+    });
+    let Some((change, [begin, end])) = idle else {
+        return Ok(());
+    };
+    Err(Problem::bad_input(format!(
+        "expected a window within the flight, from {from:.2} to {to:.2} s, found {begin} to {end} s: it changes nothing"
+    ))
+    .at(format!("--joint {}", change.name())))
+}
+
 fn interpolated(points: &[(f64, f64)], time: f64) -> f64 {
     let after = points.partition_point(|(at, _)| *at <= time);
     match (

@@ -104,7 +104,15 @@ impl Effects {
 
     fn add(&mut self, table: EffectTable) -> Result<()> {
         if table.name.is_some() || !is_load(table.parameters.keys()) {
-            self.named.push(table.effect()?);
+            let (effect, values) = table.effect()?;
+            let name = effect.description().name;
+            if self.named.iter().any(|(other, _)| *other == effect) {
+                return Err(Problem::bad_input(format!(
+                    "effect \"{name}\" is there twice: expected each effect once"
+                ))
+                .help("give all its parameters in one [[effect]]"));
+            }
+            self.named.push((effect, values));
             return Ok(());
         }
         let fields = toml::Value::Table(table.parameters.into_iter().collect());
@@ -173,6 +181,13 @@ impl EffectTable {
             Problem::unknown("effect", name, known)
         })?;
         let parameters = effect.description().parameters;
+        if self.parameters.is_empty() {
+            let names: Vec<_> = parameters.iter().map(|p| p.name).collect();
+            return Err(Problem::bad_input(format!(
+                "effect \"{name}\" has no parameter, and so changes nothing"
+            ))
+            .help(format!("its parameters: {}", names.join(", "))));
+        }
         let mut values = effect.neutral();
         for (key, found) in &self.parameters {
             let known = parameters.iter().zip(values.iter_mut());
@@ -252,8 +267,20 @@ mod tests {
                 ["factor", "\"1\""],
             ),
             (
-                "[[effect]]\nname = \"wind\"\n[[effect]]\nforce_n = 9\nup = 1",
+                "[[effect]]\nname = \"wind\"\nup_mps = 0\n[[effect]]\nforce_n = 9\nup = 1",
+                ["effect 1", "up_mps"],
+            ),
+            (
+                "[[effect]]\nname = \"wind\"\nnorth_mps = 1\n[[effect]]\nforce_n = 9\nup = 1",
                 ["effect 2", "up"],
+            ),
+            (
+                "[[effect]]\nname = \"wind\"\nnorth_mps = 1\n[[effect]]\nname = \"wind\"\nwest_mps = 1",
+                ["effect 2", "twice"],
+            ),
+            (
+                "[[effect]]\nname = \"mass\"",
+                ["effect 1", "changes nothing"],
             ),
             ("efect = 1", ["model.toml", "efect"]),
         ] {

@@ -122,8 +122,9 @@ type Proportion = (
     core::ops::Range<f64>,
 );
 
-/// People have 0.9 to 1.1, 1.0 to 1.3 and 0.6 to 0.75; joints of other systems are up to some centimetres elsewhere.
-const PROPORTIONS: [Proportion; 3] = [
+/// People have 0.9 to 1.1, 1.0 to 1.3, 0.6 to 0.75, and 0.3 to 0.8 from ankle or heel to the toes; joints of other systems are
+/// up to some centimetres elsewhere.
+const PROPORTIONS: [Proportion; 4] = [
     (
         "thigh",
         &[Segment::LeftThigh],
@@ -145,7 +146,24 @@ const PROPORTIONS: [Proportion; 3] = [
         &[Segment::LeftThigh, Segment::LeftShank],
         0.45..0.95,
     ),
+    (
+        "foot",
+        &[Segment::LeftFoot],
+        "shank",
+        &[Segment::LeftShank],
+        0.1..1.0,
+    ),
 ];
+
+/// Bones that are as long on either side, and the ratio of both, either way, that is beyond people, who reach 1.05, and joints
+/// placed 5 cm off on bones of 25 cm.
+const PAIRS: [(&str, Segment); 4] = [
+    ("upper arm", Segment::LeftUpperArm),
+    ("forearm", Segment::LeftForearm),
+    ("thigh", Segment::LeftThigh),
+    ("shank", Segment::LeftShank),
+];
+const LOPSIDED: f64 = 1.25;
 
 /// Lengths of limbs (m) that nobody has beside each other, with the first segment concerned; none are judged that are not
 /// known.
@@ -175,6 +193,20 @@ pub fn disproportionate(length: impl Fn(Segment) -> Option<f64>) -> Option<(Segm
         .flat_map(|own| [(own, false), (own, true)]);
     each.into_iter()
         .find_map(|(own, is_right)| judged(own, is_right))
+        .or_else(|| lopsided(length))
+}
+
+/// A bone that is much longer on one side than on the other.
+fn lopsided(length: impl Fn(Segment) -> Option<f64>) -> Option<(Segment, String)> {
+    PAIRS.into_iter().find_map(|(name, own)| {
+        let [left, right] = [length(own)?, length(own.mirrored())?];
+        let ratio = (left / right).max(right / left);
+        (ratio.is_finite() && ratio > LOPSIDED).then(|| {
+            (own, format!(
+                "the left {name} is {left:.2} m long and the right one {right:.2} m, a ratio of {ratio:.2}; expected at most {LOPSIDED}: joints or markers of one side may be exchanged"
+            ))
+        })
+    })
 }
 
 /// Why nobody is built like a body with its equipment: masses, lengths, inertias, centres of gravity or sides of its

@@ -42,6 +42,10 @@ pub enum Tuning {
     Windows(Preset),
 }
 
+/// Ranges of times (s), and of amounts that have no natural bound.
+const TIMES: [f32; 2] = [1e-3, 1000.0];
+const AMOUNTS: [f32; 2] = [0.0, 1e4];
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -82,6 +86,39 @@ struct NoiseTable {
     horizontal_velocity_mps: Option<f32>,
     vertical_velocity_mps: Option<f32>,
     horizontal_speed_mps: Option<f32>,
+}
+
+/// The name of a field, its values, and their range.
+type Checked = (&'static str, Vec<f32>, [f32; 2]);
+
+impl NoiseTable {
+    fn ranges(&self) -> [Checked; 5] {
+        let velocity = [1e-6, 100.0];
+        [
+            ("noise.attitude_rad", self.attitude_rad, [1e-6, 3.2]),
+            (
+                "noise.angular_velocity_radps",
+                self.angular_velocity_radps,
+                [1e-6, 50.0],
+            ),
+            (
+                "noise.horizontal_velocity_mps",
+                self.horizontal_velocity_mps,
+                velocity,
+            ),
+            (
+                "noise.vertical_velocity_mps",
+                self.vertical_velocity_mps,
+                velocity,
+            ),
+            (
+                "noise.horizontal_speed_mps",
+                self.horizontal_speed_mps,
+                velocity,
+            ),
+        ]
+        .map(|(name, value, range)| (name, value.into_iter().collect(), range))
+    }
 }
 
 impl Tuning {
@@ -140,6 +177,8 @@ impl Tuning {
                 if let Some(field) = file.windows_field() {
                     return Err(wrong(field, "the filter over windows"));
                 }
+                file.check_motion()
+                    .map_err(|problem| problem.in_file(path))?;
                 file.change_motion(&mut preset);
                 Ok(Self::Motion {
                     preset,
@@ -200,6 +239,55 @@ impl File {
         ]
         .into_iter()
         .find_map(|(name, given)| given.then_some(name))
+    }
+
+    /// Checks the numbers of the motion filter, each against what a body or a sensor can have.
+    fn check_motion(&self) -> Result<()> {
+        let all = |values: Option<[f32; 3]>| values.into_iter().flatten().collect();
+        let two = |values: Option<[f32; 2]>| values.into_iter().flatten().collect();
+        let one = |value: Option<f32>| value.into_iter().collect();
+        let ranges: [Checked; 15] = [
+            ("muscle", all(self.muscle), [1e-4, 20.0]),
+            ("muscle_time_s", one(self.muscle_time_s), TIMES),
+            ("damping", all(self.damping), [-100.0, 100.0]),
+            (
+                "damping_deviation",
+                all(self.damping_deviation),
+                [1e-4, 100.0],
+            ),
+            ("damping_time_s", one(self.damping_time_s), TIMES),
+            ("awake", two(self.awake), AMOUNTS),
+            ("awake_time_s", one(self.awake_time_s), TIMES),
+            ("awake_threshold", one(self.awake_threshold), AMOUNTS),
+            ("damping_threshold", one(self.damping_threshold), AMOUNTS),
+            ("joint_error_deg", one(self.joint_error_deg), [0.01, 45.0]),
+            ("joint_error_time_s", one(self.joint_error_time_s), TIMES),
+            ("acceleration_noise", one(self.acceleration_noise), AMOUNTS),
+            (
+                "angular_acceleration_noise",
+                one(self.angular_acceleration_noise),
+                AMOUNTS,
+            ),
+            ("gate", one(self.gate), [1.0, 100.0]),
+            (
+                "solution_window",
+                one(self
+                    .solution_window
+                    .map(|count| f32::from(u16::try_from(count).unwrap_or(u16::MAX)))),
+                [1.0, 1e4],
+            ),
+        ];
+        let noise = self.noise.as_ref().map(NoiseTable::ranges);
+        for (name, values, [low, high]) in ranges.into_iter().chain(noise.into_iter().flatten()) {
+            if let Some(value) = values.iter().find(|value| !(low..=high).contains(*value)) {
+                return Err(
+                    Problem::bad_input(format!("expected {low} to {high}, found {value}"))
+                        .at(format!("field {name}"))
+                        .help("docs/estimator.md, Presets, says what each field is"),
+                );
+            }
+        }
+        Ok(())
     }
 
     fn change_motion(&self, preset: &mut MotionPreset) {
@@ -299,6 +387,41 @@ mod tests {
             .channels
             .map(|c| c.map(|(_, noise)| noise));
         assert_eq!(channels, [Some(0.02), Some(0.01), Some(0.01), None]);
+    }
+
+    #[test]
+    fn numbers_that_nothing_has_are_named_with_their_field() {
+        for (text, parts) in [
+            (
+                "joint_error_deg = 500",
+                ["field joint_error_deg", "0.01 to 45, found 500"],
+            ),
+            ("muscle = [0.3, nan, 0.3]", ["field muscle", "found NaN"]),
+            (
+                "muscle_time_s = 1e30",
+                ["field muscle_time_s", "0.001 to 1000"],
+            ),
+            (
+                "damping_deviation = [1.0, 1.0, -1.0]",
+                ["field damping_deviation", "found -1"],
+            ),
+            (
+                "[noise]\nattitude_rad = nan",
+                ["field noise.attitude_rad", "found NaN"],
+            ),
+            (
+                "[noise]\nangular_velocity_radps = -0.1",
+                ["field noise.angular_velocity_radps", "found -0.1"],
+            ),
+        ] {
+            let problem = Tuning::parse(text, Path::new("p.toml"))
+                .unwrap_err()
+                .to_string();
+            assert!(problem.starts_with("p.toml"), "{problem}");
+            for part in parts {
+                assert!(problem.contains(part), "{text}: {problem}");
+            }
+        }
     }
 
     #[test]

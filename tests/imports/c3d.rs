@@ -7,8 +7,8 @@ const KEY: u8 = 0x50;
 /// Name, kind, sizes and values of a parameter.
 type Row<'a> = (&'a str, i8, &'a [u8], Vec<u8>);
 
-/// A file of points in millimetres, 200 frames a second.
-pub(crate) fn written(names: &[String], frames: &[Vec<[f64; 3]>]) -> Vec<u8> {
+/// A file of points in millimetres at a rate (Hz), which header and parameters state.
+pub(crate) fn written(names: &[String], frames: &[Vec<[f64; 3]>], rate: f32) -> Vec<u8> {
     let length = names.iter().map(String::len).max().unwrap_or(0);
     let word = |value: usize| u16::try_from(value).expect("small").to_le_bytes().to_vec();
     let byte = |value: usize| u8::try_from(value).expect("small");
@@ -19,7 +19,8 @@ pub(crate) fn written(names: &[String], frames: &[Vec<[f64; 3]>]) -> Vec<u8> {
     let sizes = [byte(length), byte(names.len())];
     let mut parameters = vec![1, KEY, 0, 84, 5, 255];
     parameters.extend(b"POINT\x03\0\0");
-    let rows: [Row<'_>; 5] = [
+    let rows: [Row<'_>; 6] = [
+        ("RATE", 4, &[], rate.to_le_bytes().to_vec()),
         ("USED", 2, &[], word(names.len())),
         ("FRAMES", 2, &[], word(frames.len())),
         ("SCALE", 4, &[], (-0.1_f32).to_le_bytes().to_vec()),
@@ -47,7 +48,7 @@ pub(crate) fn written(names: &[String], frames: &[Vec<[f64; 3]>]) -> Vec<u8> {
     put(8, &word(frames.len()));
     put(12, &(-0.1_f32).to_le_bytes());
     put(16, &word(2 + blocks));
-    put(20, &200.0_f32.to_le_bytes());
+    put(20, &rate.to_le_bytes());
     file.extend(parameters);
     for place in frames.iter().flatten() {
         for value in place.iter().chain(&[0.0]) {

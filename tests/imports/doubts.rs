@@ -46,7 +46,7 @@ fn a_person_who_stands_is_no_flight_in_any_format() {
         .collect();
     let map = points_mapping(folder.path());
     let c3d = folder.path().join("stands.c3d");
-    std::fs::write(&c3d, c3d::written(&names, &stands)).expect("written");
+    std::fs::write(&c3d, c3d::written(&names, &stands, 200.0)).expect("written");
     let trc = written(folder.path(), "stands.trc", &trc(&names, &stands));
     let bvh = bvh::written(&xsens::t_pose(), str::to_owned);
     let (head, rows) = bvh.split_once("MOTION\n").expect("a motion");

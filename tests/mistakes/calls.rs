@@ -4,7 +4,7 @@ use crate::table::Made::{CtrlC, Edit, File, Folder, FullDisk, Nothing};
 use crate::table::{Mistake, mistake};
 
 /// Mistakes in the call itself, each with the message that it must produce.
-pub(crate) const CALLS: [Mistake; 45] = [
+pub(crate) const CALLS: [Mistake; 58] = [
     mistake(
         "misspelt maneuver",
         Nothing,
@@ -231,7 +231,105 @@ pub(crate) const CALLS: [Mistake; 45] = [
         Nothing,
         "sensitivity @flight.mvnx --share 30",
         2,
-        "expected --share above 0 and below 1, found 30",
+        "expected --share of 0.001 to below 1, found 30",
+    ),
+    mistake(
+        "rate at which no unit runs",
+        Nothing,
+        "unit configure @subject.toml --flash @u.bin --rate 10",
+        2,
+        "its filter cannot run at this rate of samples, expected 40 to 2000 Hz",
+    ),
+    mistake(
+        "rate that no line carries",
+        Nothing,
+        "unit configure @subject.toml --flash @u.bin --rate 65535",
+        2,
+        "the unit takes sample_rate of 1.0 to 2000.0 Hz",
+    ),
+    mistake(
+        "mounting that is no number",
+        Nothing,
+        "unit configure @subject.toml --flash @u.bin --mounting nan 0 0 1",
+        2,
+        "expected --mounting with a norm of 1, found NaN",
+    ),
+    mistake(
+        "coefficient of a unit's subject",
+        Edit(
+            "subject.toml",
+            "[gear]",
+            "[coefficients]\ncl = 100.0\n\n[gear]",
+        ),
+        "unit configure @subject.toml --flash @u.bin",
+        2,
+        "the unit takes coefficients of pelvis of -20.0 to 20.0",
+    ),
+    mistake(
+        "mass of a unit's subject in pounds",
+        Edit("subject.toml", "mass_kg = 75.0", "mass_kg = 165.0"),
+        "unit configure @subject.toml --flash @u.bin",
+        5,
+        "is the mass in kg?",
+    ),
+    mistake(
+        "memory of a unit that does not exist",
+        Nothing,
+        "unit show --flash @u.bin",
+        3,
+        "cannot open this file",
+    ),
+    mistake(
+        "effect of a model twice",
+        File(
+            "m.toml",
+            b"[[effect]]\nname = \"mass\"\nfactor = 1.1\n[[effect]]\nname = \"mass\"\nfactor = 1.2\n",
+        ),
+        "simulate @flight.mvnx --model @m.toml",
+        2,
+        "effect \"mass\" is there twice",
+    ),
+    mistake(
+        "effect of a model without a number",
+        File("m.toml", b"[[effect]]\nname = \"mass\"\n"),
+        "simulate @flight.mvnx --model @m.toml",
+        2,
+        "effect \"mass\" has no parameter, and so changes nothing",
+    ),
+    mistake(
+        "spread of nothing",
+        Nothing,
+        "tune @flight.mvnx --spread 1e-9",
+        2,
+        "expected --spread of 0.001 to 2, found 1e-9",
+    ),
+    mistake(
+        "noise of a preset that is no number",
+        File("p.toml", b"[noise]\nattitude_rad = nan\n"),
+        "estimate @flight.mvnx --preset @p.toml",
+        2,
+        "field noise.attitude_rad: expected 0.000001 to 3.2, found NaN",
+    ),
+    mistake(
+        "effect twice",
+        Nothing,
+        "hide wind,wind --out @out",
+        2,
+        "expected each effect once, found wind twice",
+    ),
+    mistake(
+        "clean and not",
+        Nothing,
+        "hide clean,wind --out @out",
+        2,
+        "expected clean alone, or effects, found both",
+    ),
+    mistake(
+        "errors of joints twice",
+        Nothing,
+        "hide wind --joints constant:2,constant:3 --out @out",
+        2,
+        "expected constant once, found it twice",
     ),
     mistake(
         "two flights for one",

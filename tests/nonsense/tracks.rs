@@ -22,6 +22,8 @@ pub(super) struct Row {
     height: f64,
     /// Velocity (m/s), north, east, down.
     velocity: [f64; 3],
+    /// Accuracy of place and height (m), and of the velocity (m/s), as the receiver states it.
+    accuracy: [f64; 3],
 }
 
 /// A kind of nonsense: its name and what becomes of the rows.
@@ -54,7 +56,7 @@ fn during(rows: &[Row], heights: core::ops::Range<f64>) -> core::ops::Range<usiz
     first.unwrap_or(0)..last.map_or(0, |last| last + 1)
 }
 
-pub(super) const KINDS: [Kind; 31] = [
+pub(super) const KINDS: [Kind; 34] = [
     kind("nothing", |rows| rows),
     kind("heights in feet", |rows| {
         each(rows, |_, row| row.height /= 0.3048)
@@ -152,6 +154,18 @@ pub(super) const KINDS: [Kind; 31] = [
     }),
     kind("10 000 km above the ground", |rows| {
         each(rows, |_, row| row.height += 1e7)
+    }),
+    kind("places accurate to 1000 m by the receiver's word", |rows| {
+        each(rows, |_, row| row.accuracy[0] = 1000.0)
+    }),
+    kind(
+        "velocities accurate to 20 m/s by the receiver's word",
+        |rows| each(rows, |_, row| row.accuracy[2] = 20.0),
+    ),
+    kind("places accurate to 1000 m for the first seconds", |rows| {
+        each(rows, |index, row| {
+            row.accuracy[0] = if index < 240 { 1000.0 } else { 1.0 }
+        })
     }),
     kind("standing", |rows| {
         let [first, ..] = rows[..] else { return rows };
@@ -267,6 +281,7 @@ pub(super) fn jump() -> Vec<Row> {
             longitude: 10.0,
             height: height + shake(),
             velocity: velocity.map(|part| part + 0.3 * shake()),
+            accuracy: [1.0, 1.5, 0.3],
         });
     }
     rows
@@ -280,9 +295,10 @@ pub(super) fn text(kind: &Kind) -> String {
     for row in (kind.change)(jump()) {
         let (minutes, seconds) = ((row.time / 60.0).floor(), row.time % 60.0);
         let [north, east, down] = row.velocity;
+        let [across, above, speed] = row.accuracy;
         let _ = writeln!(
             text,
-            "2024-06-01T10:{minutes:02.0}:{seconds:05.2}Z,{:.7},{:.7},{:.3},{north:.2},{east:.2},{down:.2},1.0,1.5,0.30,0,1,3,12",
+            "2024-06-01T10:{minutes:02.0}:{seconds:05.2}Z,{:.7},{:.7},{:.3},{north:.2},{east:.2},{down:.2},{across},{above},{speed},0,1,3,12",
             row.latitude, row.longitude, row.height
         );
     }

@@ -7,6 +7,7 @@ pub mod image;
 pub mod log;
 pub mod monitor;
 pub mod ports;
+mod request;
 pub mod sensor_line;
 pub mod setup;
 pub mod stream;

@@ -9,6 +9,7 @@ use bodyflight_core::link::{
 use bodyflight_io::diagnostic::{Problem, Result};
 
 use super::log::{greeted, silent};
+use super::request::refused;
 use super::stream::connection::Target;
 use super::stream::line::{ANSWER_TIMEOUT, Line};
 
@@ -27,8 +28,17 @@ pub fn store(target: &Target, setup: &Setup) -> Result<()> {
         line.write(&frame)?;
     }
     match ask(&mut line, SetupAction::Store)?.0 {
-        SetupState::Present => Ok(()),
-        state => Err(refusal(state)),
+        SetupState::Present => {}
+        state => return Err(refusal(state)),
+    }
+    // A unit that did not take what was sent stores what it had.
+    match ask(&mut line, SetupAction::Read)? {
+        (SetupState::Present, Some(kept)) if kept == *setup => Ok(()),
+        (SetupState::Present, _) => Err(Problem::refused(
+            "the unit did not take the configuration that was sent, and keeps the one it had",
+        )
+        .help("repeat the command; `bodyflight unit show` says what is stored")),
+        (state, _) => Err(refusal(state)),
     }
 }
 
@@ -95,10 +105,7 @@ fn configure(line: &mut Line, configure: &Configure, table: &SegmentTable) -> Re
             }
         }
     }
-    Err(
-        Problem::bad_input(format!("the unit refuses the configuration: {verdict:?}"))
-            .help("docs/link.md, CONFIGURED, says what each verdict means"),
-    )
+    Err(refused(verdict))
 }
 
 /// The state after an action, and the configuration sent before it.
@@ -193,6 +200,20 @@ mod tests {
         assert_eq!(read(&target(&again)).unwrap(), Some(setup));
         erase(&target(&again)).unwrap();
         assert_eq!(read(&target(&again)).unwrap(), None);
+    }
+
+    #[test]
+    fn a_configuration_that_the_unit_did_not_take_is_not_called_stored() {
+        let folder = tempfile::tempdir().unwrap();
+        let unit = VirtualUnit::start_with_log(&folder.path().join("flash.bin")).unwrap();
+        let good = setup();
+        store(&target(&unit), &good).unwrap();
+        // A unit ignores numbers that the link refuses, and still has its own configuration, which it stores again.
+        let mut wrong = good;
+        wrong.configure.sample_rate = 0.0;
+        let problem = store(&target(&unit), &wrong).unwrap_err();
+        assert!(problem.to_string().contains("did not take"), "{problem}");
+        assert_eq!(read(&target(&unit)).unwrap(), Some(good));
     }
 
     #[test]

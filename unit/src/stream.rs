@@ -19,6 +19,7 @@ use bodyflight_core::link::{
     ArchSource, Configure, Motion, PackedQuaternion, Sample, SegmentTable, SensorKind, StreamMode,
 };
 
+use super::request::checked;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
 use bodyflight_mvnx::recording::FlightFrame;
@@ -104,7 +105,7 @@ pub fn stream(
 ///
 /// # Errors
 /// Returns an error if an effect of the model makes the density depend on the height, if the subject asks for
-/// aerodynamics that the unit does not have, or if the unit does not have the preset.
+/// aerodynamics that the unit does not have, or if the unit does not have the preset, or a number is outside its ranges.
 pub fn configuration(
     flight: &Flight,
     first: &FlightFrame,
@@ -169,6 +170,7 @@ pub fn configuration_at(
         sensor: SensorKind::Xbus,
         table_digest: table.digest(),
     };
+    checked(&configure, &table)?;
     Ok((configure, table))
 }
 

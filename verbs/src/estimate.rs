@@ -103,7 +103,7 @@ pub fn svg(estimation: &Estimation, title: &str) -> Result<String> {
     ];
     let shades = shades(&estimation.points);
     let reconstructed = channels.map(|channel| {
-        let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
+        let (label, (unit, factor)) = (channel.titled(), channel.drawn());
         let (rms, constant) = (&estimation.report.rms, &estimation.report.rms_constant);
         let gaps = [rms, constant].map(|gaps| factor * gaps.get(channel));
         let is_measured = gaps[0].is_finite();

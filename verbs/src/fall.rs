@@ -1,5 +1,6 @@
 //! `bodyflight fall`: analyses the jumps on a logger's track, in a skydiver's terms.
 
+mod accuracy;
 pub mod answer;
 pub mod beside;
 mod conditions;
@@ -209,7 +210,13 @@ pub fn falls(track: &Track, conditions: &Conditions, path: &Path) -> Result<Fall
     };
     let mut jumps: Vec<(Report, Jump)> = analysed(&track.samples, &settings)
         .into_iter()
-        .map(|jump| (report(track, conditions, &jump), jump))
+        .map(|jump| {
+            let mut report = report(track, conditions, &jump);
+            if let Some(why) = accuracy::coarse(track, jump.times.fall) {
+                (report.verdict, report.reason) = (Verdict::Uncertain, why);
+            }
+            (report, jump)
+        })
         .collect();
     let rank = |(report, _): &(Report, Jump)| {
         let certain = match report.verdict {

@@ -80,7 +80,7 @@ fn alone(flight: &Drawn, title: &str) -> Result<[String; 3]> {
     let estimation = &flight.estimation;
     let shades = shades(&estimation.points);
     let panel = |&channel: &Channel| {
-        let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
+        let (label, (unit, factor)) = (channel.titled(), channel.drawn());
         let gap = factor * estimation.report.rms.get(channel);
         Panel {
             caption: format!("{label} ({unit}): RMS gap {gap:.2}"),

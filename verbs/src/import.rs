@@ -1,17 +1,18 @@
 //! `bodyflight import`: the motion of another system as a recording, with a picture of its first frame.
 
 mod print;
+mod remarks;
 pub mod sensors;
 
 use std::path::{Path, PathBuf};
 
+use bodyflight_core::Body;
 use bodyflight_core::frame::Vector;
-use bodyflight_core::{Body, Segment};
 use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::output::limbs;
-use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::diagnostic::{Kind, Problem, Result};
 use bodyflight_io::files::write_file;
 use bodyflight_io::interrupt;
 use bodyflight_mocap::mapping::Mapping;
@@ -20,7 +21,6 @@ use bodyflight_mocap::source::Source;
 use bodyflight_mvnx::recording::{FlightFrame, Options, PelvisMotion, Warning};
 use bodyflight_mvnx::writer::{Description, Origin, Writer};
 use bodyflight_replay::frames::Frames;
-use bodyflight_replay::person::disproportionate;
 use bodyflight_replay::subject::{SEGMENTS_FILE, Subject};
 
 use crate::inspect::activity::Activities;
@@ -38,10 +38,9 @@ pub const FILES: &[&str] = &[
     RECORDING_FILE,
     PICTURE_FILE,
 ];
-/// Relative difference allowed between the thigh lengths of source and subject.
-const THIGH: f64 = 0.15;
-/// Lowest frame rate that can follow a body in flight (Hz).
-const SLOW: f64 = 50.0;
+/// What to do about a source of which no flight can be made.
+const UNITS: &str =
+    "check the units and axes of its positions and its rate: [world] and [time] in the mapping";
 
 /// What to import.
 #[derive(Debug, Clone)]
@@ -88,6 +87,9 @@ pub struct Report {
     pub verdict: String,
     /// Markers that slipped along the skin and stay there, in order of time.
     pub slips: Vec<Slip>,
+    /// What contradicts itself in the file, and is not in the recording made of it; among the doubts too.
+    #[serde(skip)]
+    pub contradictions: Vec<String>,
     /// The first frame, as text art.
     #[serde(skip)]
     pub letters: String,
@@ -155,7 +157,7 @@ impl Report {
         })
     }
 
-    /// The slips as faults of the recording that was written.
+    /// The slips, and what contradicts itself in the file, as faults of the recording that was written.
     pub fn faults(&self) -> Vec<Warning> {
         let warning = |slip: &Slip| Warning {
             #[expect(
@@ -169,7 +171,17 @@ impl Report {
             span_s: Some([slip.begin_s, self.duration_s]),
             is_fault: true,
         };
-        self.slips.iter().map(warning).collect()
+        let whole = |message: &String| Warning {
+            span_s: Some([0.0, self.duration_s]),
+            is_fault: true,
+            ..Warning::new(0, message.clone())
+        };
+        let contradictions = self.contradictions.iter().map(whole);
+        self.slips
+            .iter()
+            .map(warning)
+            .chain(contradictions)
+            .collect()
     }
 }
 
@@ -189,17 +201,15 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
     let drawn = write_recording(request, &mut source, &body, has_places, progress)?;
     // The same checks as in any other verb.
     let recording = request.folder.join(RECORDING_FILE);
-    let seen = seen_or_removed(request.has_subject, &recording, &body).map_err(|problem| {
-        problem
-            .in_file(request.file)
-            .help("check the units and axes of its positions and its rate: [world] and [time] in the mapping")
-    })?;
+    let seen = seen_or_removed(request.has_subject, &recording, &body)
+        .map_err(|problem| problem.in_file(request.file).help(UNITS))?;
     let picture = request.folder.join(PICTURE_FILE);
     if let Some(drawing) = drawn {
         write_file(&picture, drawing.as_bytes())?;
     }
     let flight = write_flight(request.subject, request.folder, "")?;
-    let (mut warnings, mut doubts) = warnings(request, &source, has_places);
+    let (mut warnings, mut doubts) =
+        remarks::warnings((request.subject, request.has_subject), &source, has_places);
     warnings.extend(seen.warnings.iter().map(ToString::to_string));
     doubts.extend(seen.faults());
     let last = source.timing.indices.last().copied().unwrap_or(0);
@@ -225,6 +235,7 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
         slips: (source.slips.iter())
             .map(|slip| Slip::of(slip, source.first_s))
             .collect(),
+        contradictions: source.contradictions,
         letters: seen.picture,
     })
 }
@@ -257,7 +268,17 @@ fn write_recording(
             let attitude = frame.pelvis.inertial_from_body;
             limbs::svg(&name, body, &frame.posture, attitude)
         });
-        writer.write(&frame)?;
+        writer.write(&frame).map_err(|problem| {
+            // The recording does not exist yet: the number comes from the file.
+            if problem.kind == Kind::BadInput {
+                no_flight(&problem)
+                    .in_file(request.file)
+                    .at(format!("frame {}", frame.index))
+                    .help(UNITS)
+            } else {
+                problem
+            }
+        })?;
         if place % 1000 == 0 {
             progress(place as f64 / source.frames() as f64);
             interrupt::check()?;
@@ -301,10 +322,11 @@ fn seen_or_removed(has_subject: bool, recording: &Path, body: &Body<f64>) -> Res
         Err(problem) => problem,
     };
     std::fs::remove_file(recording).map_err(|error| Problem::system("remove", recording, error))?;
-    Err(Problem::bad_input(format!(
-        "no flight can be made of it: {}",
-        problem.message
-    )))
+    Err(no_flight(&problem))
+}
+
+fn no_flight(why: &Problem) -> Problem {
+    Problem::bad_input(format!("no flight can be made of it: {}", why.message))
 }
 
 fn seen(has_subject: bool, recording: &Path, body: &Body<f64>) -> Result<Seen> {
@@ -345,55 +367,6 @@ fn flight_frame(source: &mut Source, place: usize) -> Result<FlightFrame> {
         },
         centre_of_mass: None,
         bridged: false,
-    })
-}
-
-/// Remarks about the source, and those among them that contradict it.
-fn warnings(
-    request: &Request<'_>,
-    source: &Source,
-    has_places: bool,
-) -> (Vec<String>, Vec<String>) {
-    let mut warnings = source.warnings.clone();
-    let mut doubts: Vec<String> = source.slips.iter().map(ToString::to_string).collect();
-    warnings.extend(doubts.iter().cloned());
-    if !has_places {
-        warnings.push(
-            "the source has no positions, so the recording has no velocity; add a receiver's track for it: \
-             gnss = \"TRACK.CSV\" in flight.toml"
-                .to_owned(),
-        );
-    }
-    if source.timing.rate < SLOW {
-        warnings.push(format!(
-            "only {:.1} frames per second: rotation between frames is assumed to be uniform",
-            source.timing.rate
-        ));
-    }
-    warnings.extend(no_subject(request.has_subject, request.subject));
-    let own = request.subject.body().segments[Segment::LeftThigh].length;
-    if let Some(thigh) = source.lengths_m[Segment::LeftThigh]
-        && ((thigh / own) - 1.0).abs() > THIGH
-    {
-        let said = format!(
-            "the thigh of the source is {thigh:.3} m long, that of the subject {own:.3} m: is it the same person?"
-        );
-        doubts.extend(request.has_subject.then(|| said.clone()));
-        warnings.push(said);
-    }
-    if let Some((_, said)) = disproportionate(|segment| source.lengths_m[segment]) {
-        doubts.push(said.clone());
-        warnings.push(said);
-    }
-    (warnings, doubts)
-}
-
-fn no_subject(has_subject: bool, subject: &Subject) -> Option<String> {
-    (!has_subject).then(|| {
-        format!(
-            "no subject was given: a person of {:.0} kg with equipment is written to subject.toml",
-            subject.body().mass()
-        )
     })
 }
 

@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::header::Header;
 use bodyflight_io::diagnostic::{Problem, Result};
 
 /// Size of a block (bytes).
@@ -306,6 +307,8 @@ pub struct Points {
     pub unit: Option<String>,
     /// Frames per second (Hz), if the file states it.
     pub rate: Option<f64>,
+    /// What the header says beside the parameters.
+    pub(crate) header: Header,
     /// Positions of the points, frame by frame; NaN if a point was not visible.
     pub places: Vec<[f64; 3]>,
 }
@@ -372,10 +375,19 @@ impl Points {
         };
         let places = (0..frames)
             .flat_map(|row| (0..points).map(move |point| start + row * frame + 4 * size * point));
+        // The last block is filled up, and some programs add one.
+        let spare = whole.saturating_sub(frames) * frame;
+        let found = if spare > 2 * BLOCK { whole } else { frames };
+        let header = Header {
+            rate: Some(("the rate in the header", file.float(20)?)),
+            frames: Some(frames as u64),
+            found: Some(found as u64),
+        };
         Ok(Self {
             names: parameters.labels(points)?,
             unit: parameters.unit()?,
             rate,
+            header,
             places: places.map(place).collect::<Result<_>>()?,
         })
     }

@@ -52,6 +52,9 @@ const PELVIS: [&str; 4] = ["hips", "pelvis", "hip", "lowertorso"];
 const ABDOMEN: [&str; 3] = ["lowerback", "abdomen", "abdomenlower"];
 const HEAD: [&str; 2] = ["head", "neck"];
 
+/// Beginnings of the names of segments, and letters of the sides.
+const SIDES: [(&str, char); 2] = [("l_", 'l'), ("r_", 'r')];
+
 /// Prefixes that programs put before every name.
 const PREFIXES: [&str; 4] = ["mixamorig", "bip001", "bip01", "character1"];
 
@@ -166,7 +169,18 @@ struct Joints<'a> {
     names: Vec<Name>,
 }
 
-impl Joints<'_> {
+impl<'a> Joints<'a> {
+    fn of(bvh: &'a Tree) -> Self {
+        let all: Vec<&str> = bvh.joints.iter().map(|joint| joint.name.as_str()).collect();
+        let [begin, end] = shared(&all);
+        let names =
+            (all.iter()).map(|name| Name::of(name.get(begin..name.len() - end).unwrap_or(name)));
+        Self {
+            bvh,
+            names: names.collect(),
+        }
+    }
+
     /// The first joint of that side with one of these names for which `fits` holds, in the order of the names.
     fn find(
         &self,
@@ -209,16 +223,9 @@ impl Joints<'_> {
 
 /// The joint of each segment; `None` if the skeleton is not understood.
 fn joints(bvh: &Tree) -> Option<BTreeMap<Segment, usize>> {
-    let all: Vec<&str> = bvh.joints.iter().map(|joint| joint.name.as_str()).collect();
-    let [begin, end] = shared(&all);
-    let names =
-        (all.iter()).map(|name| Name::of(name.get(begin..name.len() - end).unwrap_or(name)));
-    let joints = Joints {
-        bvh,
-        names: names.collect(),
-    };
+    let joints = Joints::of(bvh);
     let mut found = BTreeMap::new();
-    for (side, letter) in [("l_", 'l'), ("r_", 'r')] {
+    for (side, letter) in SIDES {
         for rows in [&LIMBS[..3], &LIMBS[3..]] {
             let limb = joints.limb(letter, rows)?;
             for ((row, _), joint) in rows.iter().zip(limb) {
@@ -258,6 +265,38 @@ fn joints(bvh: &Tree) -> Option<BTreeMap<Segment, usize>> {
     let head = joints.find(None, &HEAD, |joint| bvh.hangs_from(joint, thorax));
     found.extend(head.map(|joint| (Segment::Head, joint)));
     Some(found)
+}
+
+/// Hands and feet that have a joint which does not hang from that of the limb before it, and those without one whose
+/// counterpart has one, in sentences.
+pub(crate) fn ends(bvh: &Tree) -> [Vec<String>; 2] {
+    let joints = Joints::of(bvh);
+    let name = |joint: usize| bvh.joints.get(joint).map_or("", |joint| &joint.name);
+    let (mut misplaced, mut missing) = (Vec::new(), Vec::new());
+    for rows in [&LIMBS[..3], &LIMBS[3..]] {
+        let found = SIDES.map(|(_, letter)| joints.limb(letter, rows));
+        for (own, (side, letter)) in SIDES.into_iter().enumerate() {
+            let (Some([_, Some(lower), None]), Some((row, names))) = (found[own], rows.last())
+            else {
+                continue;
+            };
+            let stray = joints.find(Some(letter), names, |_| true);
+            let counterpart = found[1 - own].and_then(|[.., end]| end);
+            if let Some(stray) = stray {
+                misplaced.push(format!(
+                    "{} does not hang from {}: their names are exchanged",
+                    name(stray),
+                    name(lower)
+                ));
+            } else if let Some(counterpart) = counterpart {
+                missing.push(format!(
+                    "{side}{row} has no joint whose name is known, and moves rigidly with the limb before it, while its counterpart has {}",
+                    name(counterpart)
+                ));
+            }
+        }
+    }
+    [misplaced, missing]
 }
 
 /// The mapping for a file with the joint names of a known skeleton, otherwise `None`. The axes are those that most

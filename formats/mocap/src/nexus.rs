@@ -28,6 +28,8 @@ struct Block {
     /// Column of X, Y and Z of each point.
     places: Vec<[usize; 3]>,
     unit: Option<String>,
+    /// A unit of what is left out.
+    other_unit: Option<String>,
     /// Line and cells of each frame.
     rows: BTreeMap<u64, (u64, Vec<f64>)>,
 }
@@ -52,15 +54,19 @@ pub(crate) fn is_export(text: &str) -> bool {
     let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
     let titled = lines.next().is_some_and(|line| title(line).is_some());
     let next = lines.next().map(cells).unwrap_or_default();
-    titled && rate(&next).is_some()
+    titled && alone(&next).is_some()
 }
 
 /// A number alone on its line.
-fn rate(cells: &[&str]) -> Option<f64> {
+fn alone(cells: &[&str]) -> Option<f64> {
     let (first, rest) = cells.split_first()?;
-    let alone = rest.iter().all(|cell| cell.is_empty());
-    let rate: Option<f64> = first.parse().ok();
-    rate.filter(|rate| alone && rate.is_finite() && *rate > 0.0)
+    let is_alone = rest.iter().all(|cell| cell.is_empty());
+    first.parse().ok().filter(|_| is_alone)
+}
+
+/// The same, if it is a rate.
+fn rate(cells: &[&str]) -> Option<f64> {
+    alone(cells).filter(|rate| rate.is_finite() && *rate > 0.0)
 }
 
 /// Reads the points of an export. Columns are called `Time` (s), `point.x` and so on; the subject before a name is left
@@ -89,13 +95,18 @@ pub(crate) fn read(text: &str) -> Result<(Table, Vec<String>)> {
             }
         }
     }
-    let mut blocks = blocks
-        .into_iter()
-        .filter(|block: &Block| !block.names.is_empty());
+    let other = (blocks.iter()).find_map(|block: &Block| block.other_unit.clone());
+    let mut blocks = blocks.into_iter().filter(|block| !block.names.is_empty());
     let Some(mut first) = blocks.next() else {
-        return Err(Problem::bad_input(
-            "expected points in a block Trajectories or Model Outputs, found none",
-        )
+        let found = other.map_or_else(
+            || "none".to_owned(),
+            |unit| {
+                format!("only such with the unit \"{unit}\", which is none of mm, cm, m, in, ft")
+            },
+        );
+        return Err(Problem::bad_input(format!(
+            "expected points in a block Trajectories or Model Outputs, found {found}"
+        ))
         .help("export the trajectories from Nexus, File > Export > ASCII"));
     };
     for block in blocks {
@@ -147,7 +158,11 @@ fn block<'a>(lines: &mut impl Iterator<Item = (u64, &'a str)>) -> Result<Block> 
             .iter()
             .zip(["X", "Y", "Z"])
             .all(|(axis, letter)| *axis == letter);
-        if !is_point || name.is_empty() || unit_of_length(unit).is_none() {
+        if !is_point || name.is_empty() {
+            continue;
+        }
+        if unit_of_length(unit).is_none() {
+            block.other_unit = Some(unit.to_owned());
             continue;
         }
         if block.unit.as_ref().is_some_and(|known| known != unit) {
@@ -199,7 +214,9 @@ impl Block {
             }
         }
         match self.rows.insert(frame, (line, values)) {
-            Some(_) => Err(Problem::bad_input(format!("found frame {frame} twice"))),
+            Some(_) => Err(Problem::bad_input(format!(
+                "expected the frames of a block to be counted up, found frame {frame} twice"
+            ))),
             None => Ok(()),
         }
     }
@@ -265,6 +282,8 @@ mod tests {
     fn points_of_all_blocks_are_joined_by_frame() {
         assert!(is_export(FILE) && is_export("\u{feff}Trajectories,,\r\n100,,\r\n"));
         assert!(!is_export("time,x\n0,1\n"));
+        // A rate that is none is an error of this format, not of another one.
+        assert!(is_export("Trajectories\n0\n"));
         let (table, warnings) = read(FILE).unwrap();
         assert!(warnings[0].contains("devices"), "{warnings:?}");
         assert_eq!((table.rows(), table.unit_m), (3, Some(1e-3)));
@@ -307,6 +326,17 @@ mod tests {
             (
                 FILE.replace("mm,mm,mm,mm,mm,mm", "mm,mm,mm,cm,cm,cm"),
                 ["line 13", "one unit"],
+            ),
+            (
+                FILE.replace("mm", "furlong"),
+                ["unit \"furlong\"", "none of mm, cm"],
+            ),
+            (
+                FILE.replacen("Trajectories\n100", "Trajectories\n0", 1),
+                [
+                    "line 10",
+                    "a rate above 0 Hz alone on its line, found \"0\"",
+                ],
             ),
             (FILE[..57].to_owned(), ["line 0", "found none"]),
         ] {

@@ -7,6 +7,7 @@ use bodyflight_core::{Segment, SegmentArray};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::mapping::{Kind, Mapping, Rest};
+use crate::rest::{LIMBS, lay, out_of_order};
 use crate::rows::Rows;
 use crate::skeleton::{Skeleton, SourceFrame};
 use crate::slip::Slip;
@@ -26,25 +27,6 @@ const AVERAGE_THIGH: f64 = 0.42;
 /// Units of files that do not state theirs (m): metres, centimetres, millimetres, inches, decimetres, feet, and that of
 /// the CMU library, which is an inch over 0.45.
 const UNITS: [f64; 7] = [1.0, 0.01, 0.001, 0.0254, 0.1, 0.3048, 0.0254 / 0.45];
-/// Largest angle between the trunk of a rest posture and the vertical, and between the hips and the left direction
-/// (rad).
-const TRUNK: f64 = 0.6;
-const HIPS: f64 = 0.8;
-/// Angle between a limb and its direction in the rest posture (rad) above which the import warns.
-const LIMB: f64 = 0.5;
-
-/// Limbs whose direction is given by their bones, with the segment whose joint is at the far end.
-const LIMBS: [(Segment, Segment); 8] = [
-    (Segment::LeftUpperArm, Segment::LeftForearm),
-    (Segment::LeftForearm, Segment::LeftHand),
-    (Segment::RightUpperArm, Segment::RightForearm),
-    (Segment::RightForearm, Segment::RightHand),
-    (Segment::LeftThigh, Segment::LeftShank),
-    (Segment::LeftShank, Segment::LeftFoot),
-    (Segment::RightThigh, Segment::RightShank),
-    (Segment::RightShank, Segment::RightFoot),
-];
-
 /// An open source.
 pub struct Source {
     motion: Motion,
@@ -62,6 +44,8 @@ pub struct Source {
     pub lengths_m: SegmentArray<Option<f64>>,
     /// Suspicious findings that do not prevent the import.
     pub warnings: Vec<String>,
+    /// What contradicts itself in the file, so that it cannot be trusted.
+    pub contradictions: Vec<String>,
     /// Time of its first frame in the file (s).
     pub first_s: f64,
     /// Markers that slipped and stayed there.
@@ -115,7 +99,11 @@ impl Source {
                         joint_names(&tree)
                     )));
                 };
-                Self::of_tree(tree, &mapping, content.has_lengths)?
+                let [misplaced, missing] = names::ends(&tree);
+                let mut source = Self::of_tree(tree, &mapping, content.has_lengths)?;
+                source.contradictions.extend(misplaced);
+                source.warnings.extend(missing);
+                source
             }
             (systems::Motion::Joints(tree), Some(mapping)) if mapping.kind == Kind::Bvh => {
                 Self::of_tree(tree, mapping, content.has_lengths)?
@@ -187,11 +175,17 @@ impl Source {
             let Some(name) = named.and_then(|row| row.joint.as_deref()) else {
                 continue;
             };
+            let in_place = |message: String| {
+                Problem::bad_input(message).at(format!("segments.{}", segment.name()))
+            };
             *joint = Some(bvh.joint(name).ok_or_else(|| {
-                Problem::bad_input(format!("the file has no joint \"{name}\""))
-                    .at(format!("segments.{}", segment.name()))
+                in_place(format!("the file has no joint \"{name}\""))
                     .help(format!("it has {}", joint_names(&bvh)))
             })?);
+            if bvh.joints.iter().filter(|other| other.name == name).count() > 1 {
+                return Err(in_place(format!("several joints are called \"{name}\""))
+                    .help("give each joint of the file a name of its own"));
+            }
         }
         let mut skeleton = Skeleton::new(mapping)?;
         let bones = mapping.body.rest.is_none_or(|rest| rest == Rest::Bones);
@@ -201,11 +195,12 @@ impl Source {
                 "frame 0 is a rest posture from which the motion jumps: it was left out".to_owned(),
             );
         }
+        let contradictions = out_of_order(&bvh, &joints);
         let lengths = bone_lengths(&bvh, &joints);
         let thigh = lengths[Segment::LeftThigh].unwrap_or(0.0);
         let unit_m = match mapping.world.unit_m {
             Some(unit_m) if !has_lengths => unit_m,
-            said => unit(thigh, said, &mut warnings)?,
+            said => unit(thigh, said, None, &mut warnings)?,
         };
         let lengths_m =
             lengths.map(|_, length| length.filter(|_| has_lengths).map(|own| own * unit_m));
@@ -222,6 +217,7 @@ impl Source {
             skipped: 0,
             lengths_m,
             warnings,
+            contradictions,
             first_s: 0.0,
             slips: Vec::new(),
         })
@@ -232,21 +228,34 @@ impl Source {
         let said = mapping.world.unit_m.or(table.unit_m);
         let unit_name = table.unit_name.clone();
         let skeleton = Skeleton::new(mapping)?;
+        if table.lacks_rate(mapping) {
+            return Err(Problem::bad_input("the file states no frame rate")
+                .at("time")
+                .help("give it in the mapping: rate_hz under [time], in place of column"));
+        }
+        let header = table.header.clone();
+        let [few, more] = header.other_frames(table.rows() as u64);
         let (rows, timing, skipped) =
             Rows::open(table, mapping, |thigh| match (said, thigh, &unit_name) {
                 (Some(unit), _, _) => Ok(unit),
-                (None, Some(thigh), Some(_)) => unit(thigh, None, &mut warnings),
+                (None, Some(thigh), Some(name)) => unit(thigh, None, Some(name), &mut warnings),
                 (None, None, Some(name)) => {
                     let message = format!("expected a unit of mm, cm, m, in or ft, found {name}");
                     Err(Problem::bad_input(message)
                         .help("give the length of one unit in the mapping: [world] unit_m"))
                 }
                 (None, Some(thigh), None) if !THIGH.contains(&thigh) => {
-                    unit(thigh, None, &mut warnings)
+                    unit(thigh, None, None, &mut warnings)
                 }
                 (None, _, None) => Ok(1.0),
             })?;
         warnings.extend(rows.faults.iter().map(ToString::to_string));
+        warnings.extend(more);
+        // Who gives the rate has decided.
+        let other_rate = (mapping.time.rate_hz.is_none())
+            .then(|| header.other_rate(timing.rate))
+            .flatten();
+        let contradictions = other_rate.into_iter().chain(few).collect();
         let (slips, first_s) = (rows.slips.clone(), rows.first_s());
         let (unit_m, lengths_m) = (rows.unit_m(), *rows.lengths_m);
         if let Some(thigh) = lengths_m[Segment::LeftThigh]
@@ -263,6 +272,7 @@ impl Source {
             skipped,
             lengths_m,
             warnings,
+            contradictions,
             first_s,
             slips,
         })
@@ -327,7 +337,14 @@ fn bone_lengths(bvh: &Tree, joints: &SegmentArray<Option<usize>>) -> SegmentArra
 }
 
 /// Length of one unit (m), as said or guessed from the length of a thigh in that unit.
-fn unit(thigh: f64, said: Option<f64>, warnings: &mut Vec<String>) -> Result<f64> {
+///
+/// `name` is that of a unit which the file states and nobody knows.
+fn unit(
+    thigh: f64,
+    said: Option<f64>,
+    name: Option<&str>,
+    warnings: &mut Vec<String>,
+) -> Result<f64> {
     if let Some(unit) = said {
         return (THIGH.contains(&(thigh * unit)))
             .then_some(unit)
@@ -344,79 +361,14 @@ fn unit(thigh: f64, said: Option<f64>, warnings: &mut Vec<String>) -> Result<f64
         None if thigh > 0.0 && thigh.is_finite() => AVERAGE_THIGH / thigh,
         None => return Err(no_thigh(thigh)),
     };
+    let states = match name.filter(|name| !["none", ""].contains(name)) {
+        Some(name) => format!("the file's unit of length, \"{name}\", is not known"),
+        None => "the file states no unit".to_owned(),
+    };
     warnings.push(format!(
-        "the file states no unit: one unit is taken as {unit:.6} m{}, which makes the thigh {:.3} m long; unit_m in a mapping says it otherwise",
+        "{states}: one unit is taken as {unit:.6} m{}, which makes the thigh {:.3} m long; unit_m in a mapping says it otherwise",
         if known.is_some() { "" } else { ", as no common unit fits" },
         thigh * unit
     ));
     Ok(unit)
-}
-
-/// Checks the rest posture of a file against the mapping, and aligns limbs with their bones if `bones` is set.
-fn lay(
-    skeleton: &mut Skeleton,
-    bvh: &Tree,
-    joints: &SegmentArray<Option<usize>>,
-    bones: bool,
-) -> Result<Vec<String>> {
-    let rest = bvh.at_rest();
-    let place = |segment: Segment| Some(rest.get(joints[segment]?)?.position);
-    let middle = |left, right| Some((place(left)? + place(right)?) * 0.5);
-    let way = |from: Option<Vector3<f64>>, to: Option<Vector3<f64>>| Some(to? - from?);
-    let hips = middle(Segment::LeftThigh, Segment::RightThigh);
-    let shoulders = middle(Segment::LeftUpperArm, Segment::RightUpperArm);
-    let checks = [
-        (
-            "the shoulders are not above the hips",
-            way(hips, shoulders),
-            Vector3::z(),
-            TRUNK,
-        ),
-        (
-            "the left hip is not left of the right one",
-            way(place(Segment::RightThigh), place(Segment::LeftThigh)),
-            Vector3::x(),
-            HIPS,
-        ),
-    ];
-    for (what, way, expected, most) in checks {
-        let (Some(way), Some(found)) = (way, way.and_then(|way| skeleton.in_body(&way))) else {
-            continue;
-        };
-        if found.angle(&expected) > most {
-            let [x, y, z]: [f64; 3] = way.normalize().into();
-            let message = format!(
-                "with all rotations zero, {what}, but at {x:.2}, {y:.2}, {z:.2} from there in the file's axes"
-            );
-            return Err(Problem::bad_input(message).at("body, axes").help(
-                "use a mapping to say where the axes of the file point: [world] axes and [body] axes",
-            ));
-        }
-    }
-    let mut warnings = Vec::new();
-    for (segment, next) in LIMBS {
-        let Some(along) = way(place(segment), place(next)).filter(|way| way.norm() > 0.0) else {
-            continue;
-        };
-        if bones {
-            skeleton.align(segment, &along);
-        } else if let Some(angle) = skeleton.angle_to(segment, &along)
-            && angle > LIMB
-        {
-            warnings.push(format!(
-                "{}: its bone is {:.0} degrees off the rest posture; rest = \"bones\" aligns the segment with its bone",
-                segment.name(),
-                angle.to_degrees()
-            ));
-        }
-    }
-    if bones {
-        for (end, arm) in [
-            (Segment::LeftHand, Segment::LeftForearm),
-            (Segment::RightHand, Segment::RightForearm),
-        ] {
-            skeleton.follow(end, arm);
-        }
-    }
-    Ok(warnings)
 }

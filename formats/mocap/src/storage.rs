@@ -1,17 +1,12 @@
 //! What the header of an OpenSim storage file (`.mot`, `.sto`) says of its numbers.
 
+use crate::header::Header;
 use crate::mapping::AngleUnit;
 
 /// The unit of angles: as stated by `inDegrees=` or in a sentence. Without either, OpenSim takes radians, except in the
 /// older files of SIMM, which are in degrees. `lines` are those before `endheader`.
 pub(crate) fn angle_unit(lines: &[&str]) -> Option<AngleUnit> {
-    let value = |key: &str| {
-        lines.iter().find_map(|line| {
-            let (name, value) = line.split_once('=')?;
-            name.trim().eq_ignore_ascii_case(key).then(|| value.trim())
-        })
-    };
-    if let Some(answer) = value("inDegrees") {
+    if let Some(answer) = value(lines, "inDegrees") {
         let yes = ["yes", "y", "true", "1"].map(|yes| answer.eq_ignore_ascii_case(yes));
         return Some(if yes.contains(&true) {
             AngleUnit::Deg
@@ -34,6 +29,24 @@ pub(crate) fn angle_unit(lines: &[&str]) -> Option<AngleUnit> {
         _ if lines.iter().any(of_simm) => AngleUnit::Deg,
         _ => AngleUnit::Rad,
     })
+}
+
+/// What is after `key=` in the lines.
+fn value<'a>(lines: &[&'a str], key: &str) -> Option<&'a str> {
+    lines.iter().find_map(|line| {
+        let (name, value) = line.split_once('=')?;
+        name.trim().eq_ignore_ascii_case(key).then(|| value.trim())
+    })
+}
+
+/// The rate and the number of rows.
+pub(crate) fn header(lines: &[&str]) -> Header {
+    let number = |key| value(lines, key)?.parse().ok();
+    Header {
+        rate: number("DataRate").map(|rate| ("DataRate", rate)),
+        frames: value(lines, "nRows").and_then(|count| count.parse().ok()),
+        found: None,
+    }
 }
 
 /// The components that each cell after the first holds, one letter each; empty for plain numbers.

@@ -2,6 +2,7 @@
 
 use bodyflight_core::Segment;
 
+use crate::header::Header;
 use crate::mapping::{AngleUnit, Kind, Mapping};
 use crate::{c3d, storage};
 use bodyflight_io::diagnostic::{Problem, Result};
@@ -9,6 +10,9 @@ use bodyflight_io::text::decimal;
 
 /// Most column names listed in the message about a missing one.
 const NAMES_SHOWN: usize = 40;
+
+/// Name of the column of times (s) of files that have points.
+const TIME: &str = "Time";
 
 /// Largest angle of a joint in radians, and the smallest of a moving body in degrees.
 const MOST_RADIANS: f64 = 7.0;
@@ -25,6 +29,8 @@ pub struct Table {
     pub unit_m: Option<f64>,
     /// Name of that unit as the file states it, "none" if its format should but it does not.
     pub unit_name: Option<String>,
+    /// What the header says of the rows.
+    pub(crate) header: Header,
     values: Vec<f64>,
     lines: Vec<u64>,
 }
@@ -71,6 +77,7 @@ impl Table {
             angles,
             unit_m: None,
             unit_name: None,
+            header: storage::header(&head),
             values: Vec::new(),
             lines: Vec::new(),
         };
@@ -96,12 +103,13 @@ impl Table {
             names.flat_map(|point| ["x", "y", "z"].map(|axis| format!("{point}.{axis}")));
         let mut table = Self {
             // Without a rate there is no time: the mapping gives the rate.
-            columns: (points.rate.map(|_| "Time".to_owned()).into_iter())
+            columns: (points.rate.map(|_| TIME.to_owned()).into_iter())
                 .chain(coordinates)
                 .collect(),
             angles: None,
             unit_m: None,
             unit_name: Some(points.unit.clone().unwrap_or_else(|| "none".to_owned())),
+            header: points.header.clone(),
             values: Vec::new(),
             lines: Vec::new(),
         };
@@ -128,6 +136,7 @@ impl Table {
             angles: None,
             unit_m: None,
             unit_name: None,
+            header: Header::default(),
             values: values.concat(),
             lines,
         };
@@ -157,6 +166,13 @@ impl Table {
         if let Some(cell) = self.values.get_mut(at) {
             *cell = value;
         }
+    }
+
+    /// Whether a mapping takes the time from the file, whose points have none because it states no rate.
+    pub(crate) fn lacks_rate(&self, mapping: &Mapping) -> bool {
+        let has_points = self.unit_name.is_some();
+        let column = mapping.time.column.as_deref();
+        has_points && column == Some(TIME) && !self.columns.iter().any(|name| name == TIME)
     }
 
     /// Doubts about the unit of the mapped angles, if neither mapping nor file states it.
@@ -214,8 +230,12 @@ impl Table {
     fn check_names(&self, line: u64) -> Result<()> {
         for (k, name) in self.columns.iter().enumerate() {
             if self.columns[..k].contains(name) && !name.is_empty() {
-                let message = format!("two columns are called \"{name}\"");
-                return Err(Problem::bad_input(message).at_line(line));
+                let problem = Problem::bad_input(format!("two columns are called \"{name}\""));
+                return Err(if line > 0 {
+                    problem.at_line(line)
+                } else {
+                    problem
+                });
             }
         }
         Ok(())
@@ -312,13 +332,18 @@ fn trc<'a>(mut lines: impl Iterator<Item = (u64, &'a str)>) -> Result<Table> {
         .iter()
         .flat_map(|point| ["x", "y", "z"].map(|axis| format!("{point}.{axis}")));
     let mut table = Table {
-        columns: ["Frame#".to_owned(), "Time".to_owned()]
+        columns: ["Frame#".to_owned(), TIME.to_owned()]
             .into_iter()
             .chain(coordinates)
             .collect(),
         angles: None,
         unit_m: unit_of_length(&unit_name),
         unit_name: Some(unit_name),
+        header: Header {
+            rate: of("DataRate").and_then(|rate| Some(("DataRate", rate.parse().ok()?))),
+            frames: of("NumFrames").and_then(|count| count.parse().ok()),
+            found: None,
+        },
         values: Vec::new(),
         lines: Vec::new(),
     };
@@ -401,6 +426,34 @@ mod tests {
     const TRC: &str = "PathFileType\t4\t(X/Y/Z)\twalk.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n\
         100\t100\t2\t2\tmm\nFrame#\tTime\tLHJC\t\t\tRHJC\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n\
         1\t0.00\t1\t2\t3\t4\t5\t6\n2\t0.01\t1\t2\t3\t\t\t\n";
+
+    #[test]
+    fn headers_are_compared_with_the_rows_after_them() {
+        let trc = Table::parse(TRC).unwrap();
+        assert_eq!(trc.header.other_rate(100.0), None);
+        assert_eq!(trc.header.other_rate(100.1), None);
+        let said = trc.header.other_rate(50.0).unwrap();
+        assert!(
+            said.contains("DataRate is 100 Hz, and the frames are at 50.000 Hz"),
+            "{said}"
+        );
+        assert_eq!(trc.header.other_frames(2), [None, None]);
+        let [few, more] = trc.header.other_frames(1);
+        assert!(more.is_none() && few.is_some_and(|said| said.contains("it was cut off")));
+        let [few, more] = trc.header.other_frames(3);
+        assert!(few.is_none() && more.is_some_and(|said| said.contains("another file")));
+        let sto = "DataRate=60.000000\nDataType=Quaternion\nnRows=5\nendheader\ntime\ta\n0\t1,0,0,0\n0.1\t1,0,0,0\n";
+        let sto = Table::parse(sto).unwrap();
+        assert!(sto.header.other_rate(10.0).is_some() && sto.header.other_rate(60.0).is_none());
+        assert!(sto.header.other_frames(2)[0].is_some());
+        // Programs leave the rate at zero.
+        let zero = Table::parse(
+            &TRC.replacen("\n100\t", "\n0\t", 1)
+                .replacen("100\t100", "0\t100", 1),
+        )
+        .unwrap();
+        assert_eq!(zero.header.other_rate(100.0), None);
+    }
 
     #[test]
     fn tables_of_each_kind_are_read() {

@@ -50,6 +50,8 @@ pub struct Fix {
     pub velocity: Vector<f64, Inertial>,
     /// The receiver's own estimate of its speed accuracy (m/s), if available.
     pub speed_accuracy: Option<f64>,
+    /// The same of its place or its height, whichever is worse (m).
+    pub position_accuracy: Option<f64>,
 }
 
 /// One sample of the barometer.
@@ -186,6 +188,7 @@ pub(crate) fn track(text: &[u8], path: &Path) -> Result<track::Track> {
         format: "FlySight",
         samples: samples.collect(),
         speed_accuracy: track.fixes.iter().map(|fix| fix.speed_accuracy).collect(),
+        position_accuracy: (track.fixes.iter().map(|fix| fix.position_accuracy)).collect(),
         start: first.map(|first| first.time),
         given: Given {
             places: true,
@@ -210,7 +213,8 @@ struct Fixes {
     place: [Column; 3],
     /// North, east, down.
     velocity: [Column; 3],
-    accuracy: Column,
+    /// Of the velocity, the place, the height.
+    accuracy: [Column; 3],
     kind: Column,
     flat: Flat,
     calendar: Calendar,
@@ -219,12 +223,13 @@ struct Fixes {
 impl Fixes {
     fn of(tables: &Tables<'_>) -> Self {
         let columns = |names| tables.columns("GNSS", names);
-        let [time, accuracy, kind] = columns(["time", "sAcc", "gpsFix"]);
+        let [time, speed, kind] = columns(["time", "sAcc", "gpsFix"]);
+        let [across, height, _] = columns(["hAcc", "vAcc", "sAcc"]);
         Self {
             time,
             place: columns(["lat", "lon", "hMSL"]),
             velocity: columns(["velN", "velE", "velD"]),
-            accuracy,
+            accuracy: [speed, across, height],
             kind,
             flat: Flat::default(),
             calendar: Calendar::default(),
@@ -240,12 +245,15 @@ impl Fixes {
         let [latitude, longitude, height] = self.place;
         let place = [row.within(latitude, 90.0)?, row.within(longitude, 180.0)?];
         let height = row.within(height, 50_000.0)?;
+        let stated = |column| row.number(column).ok().filter(|accuracy| *accuracy > 0.0);
+        let [speed, across, above] = self.accuracy.map(stated);
         let [north, east, down] = self.velocity.map(|column| row.within(column, 1000.0));
         Ok(Fix {
             time,
             position: Vector::from_components(self.flat.position(place, height)),
             velocity: Vector::new(north?, -east?, -down?),
-            speed_accuracy: (row.number(self.accuracy).ok()).filter(|accuracy| *accuracy > 0.0),
+            speed_accuracy: speed,
+            position_accuracy: across.into_iter().chain(above).reduce(f64::max),
         })
     }
 }

@@ -105,6 +105,7 @@ pub(crate) fn read(text: &[u8]) -> Result<Track> {
             speeds: false,
         },
         speed_accuracy: Vec::new(),
+        position_accuracy: Vec::new(),
         inertial: Vec::new(),
         pressure: Vec::new(),
         skipped: skipped + out_of_order,

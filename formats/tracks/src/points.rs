@@ -165,6 +165,7 @@ pub(crate) fn track(
         start: has_date.then_some(first),
         given,
         speed_accuracy: Vec::new(),
+        position_accuracy: Vec::new(),
         inertial: Vec::new(),
         pressure: Vec::new(),
         skipped: skipped + out_of_order,

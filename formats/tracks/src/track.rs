@@ -13,6 +13,9 @@ pub struct Track {
     pub samples: Vec<Sample>,
     /// Accuracy of the velocity of each sample as the receiver states it (m/s); empty if the format has none.
     pub speed_accuracy: Vec<Option<f64>>,
+    /// Accuracy of each position as the receiver states it, of the place or the height, whichever is worse (m); empty if the
+    /// format has none.
+    pub position_accuracy: Vec<Option<f64>>,
     /// Time of the first sample since 1970 (s, UTC); `None` if the file has no date.
     pub start: Option<f64>,
     /// What the file contains.

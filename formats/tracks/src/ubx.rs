@@ -42,7 +42,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Track> {
     let first = fixes.first().map(|(time, ..)| *time);
     let samples = fixes
         .iter()
-        .map(|(time, place, height, velocity, _)| Sample {
+        .map(|(time, place, height, velocity, ..)| Sample {
             time: time - first.unwrap_or(0.0),
             position: flat.position(*place, *height),
             velocity: *velocity,
@@ -52,7 +52,11 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Track> {
         samples: samples.collect(),
         speed_accuracy: fixes
             .iter()
-            .map(|(.., accuracy)| Some(*accuracy).filter(|accuracy| *accuracy > 0.0))
+            .map(|(.., [speed, _])| Some(*speed).filter(|speed| *speed > 0.0))
+            .collect(),
+        position_accuracy: fixes
+            .iter()
+            .map(|(.., [_, position])| Some(*position).filter(|position| *position > 0.0))
             .collect(),
         start: first,
         given: Given {
@@ -79,8 +83,8 @@ fn payload(bytes: &[u8]) -> Option<&[u8]> {
 }
 
 /// Time (s since 1970), latitude and longitude (degrees), height above mean sea level (m), velocity north, west, up
-/// and its accuracy (m/s).
-type Fix = (f64, [f64; 2], f64, Vector3<f64>, f64);
+/// and the accuracy of that and of the place or the height, whichever is worse (m).
+type Fix = (f64, [f64; 2], f64, Vector3<f64>, [f64; 2]);
 
 /// Reads a solution; `None` without a fix in three dimensions.
 fn fix(payload: &[u8]) -> Option<Fix> {
@@ -88,6 +92,10 @@ fn fix(payload: &[u8]) -> Option<Fix> {
         Some(f64::from(i32::from_le_bytes(
             payload.get(at..at + 4)?.try_into().ok()?,
         )))
+    };
+    let positive = |at: usize| {
+        let bytes = payload.get(at..at + 4)?.try_into().ok()?;
+        Some(f64::from(u32::from_le_bytes(bytes)))
     };
     let byte = |at: usize| payload.get(at).copied().map(u32::from);
     let is_fixed = payload[20] == 3 || payload[20] == 4;
@@ -101,7 +109,7 @@ fn fix(payload: &[u8]) -> Option<Fix> {
         [four(28)? * 1e-7, four(24)? * 1e-7],
         four(36)? * 1e-3,
         velocity,
-        four(68)? * 1e-3,
+        [four(68)? * 1e-3, positive(40)?.max(positive(44)?) * 1e-3],
     ))
 }
 

@@ -60,8 +60,19 @@ pub(super) fn within(option: &str, value: f64, [low, high]: [f64; 2], unit: &str
     }
     let space = if unit.is_empty() { "" } else { " " };
     Err(Problem::bad_input(format!(
-        "expected --{option} of {low} to {high}{space}{unit}, found {value}"
+        "expected --{option} of {low} to {high}{space}{unit}, found {}",
+        shown(value)
     )))
+}
+
+/// A number as a person writes it: not with hundreds of digits.
+fn shown(value: f64) -> String {
+    let size = value.abs();
+    if size >= 1e9 || size > 0.0 && size < 1e-6 {
+        format!("{value:e}")
+    } else {
+        value.to_string()
+    }
 }
 
 /// Checks that there is at least one of what an option counts.

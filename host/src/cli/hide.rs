@@ -100,6 +100,29 @@ pub(super) struct Written {
     truth: PathBuf,
 }
 
+/// The names of the effects, each once.
+fn names(args: &Args) -> Result<Vec<&str>> {
+    let names = args.effects.iter().flat_map(|names| names.split(','));
+    let names: Vec<&str> = names.collect();
+    if names.len() > 1 && names.contains(&"clean") {
+        return Err(Problem::bad_input(
+            "expected clean alone, or effects, found both",
+        ));
+    }
+    for (place, name) in names.iter().enumerate() {
+        // Several loads are drawn one after another.
+        let is_there = names
+            .get(..place)
+            .is_some_and(|before| before.contains(name));
+        if *name != DRAWN && is_there {
+            return Err(Problem::bad_input(format!(
+                "expected each effect once, found {name} twice"
+            )));
+        }
+    }
+    Ok(names)
+}
+
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     for (name, value, low, high) in [
         ("duration", args.duration, 2.0, 300.0),
@@ -111,8 +134,9 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         within(name, value, [low, high], "")?;
     }
     at_least_one("flights", args.flights)?;
-    let names = args.effects.iter().flat_map(|names| names.split(','));
+    let names = names(args)?;
     let mut hidden = names
+        .into_iter()
         .filter(|name| *name != "clean")
         .map(|name| hidden(name, args.seed, args.strength))
         .collect::<Result<Vec<_>>>()?;

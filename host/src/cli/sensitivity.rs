@@ -35,9 +35,10 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    if !(args.share > 0.0 && args.share < 1.0) {
+    // Smaller changes drown in rounding, and would say that nothing matters.
+    if !(0.001..1.0).contains(&args.share) {
         return Err(Problem::bad_input(format!(
-            "expected --share above 0 and below 1, found {}",
+            "expected --share of 0.001 to below 1, found {}",
             args.share
         )));
     }

@@ -3,13 +3,13 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::diagnostic::Result;
 use bodyflight_io::files::write_file;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::subject::CommonCoefficients;
 use bodyflight_verbs::tune::{Report, Search, tune};
 
-use super::arguments::at_least_one;
+use super::arguments::{at_least_one, within};
 use super::outputs::Outputs;
 use super::{several, simulate, terminal};
 
@@ -49,12 +49,8 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, json: bool) -> Result<()> {
-    if !(args.spread > 0.0 && args.spread <= 2.0) {
-        return Err(Problem::bad_input(format!(
-            "expected --spread above 0 and up to 2, found {}",
-            args.spread
-        )));
-    }
+    // Smaller ones would call the guess the best.
+    within("spread", args.spread, [0.001, 2.0], "")?;
     at_least_one("draws", args.draws as u64)?;
     let read = |paths: &[PathBuf]| -> Result<Vec<Flight>> {
         paths.iter().map(|path| Flight::read(path)).collect()

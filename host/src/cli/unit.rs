@@ -158,7 +158,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
 
 fn read_log(args: &LogArgs, json: bool) -> Result<()> {
     let subject = args.subject.as_deref().map(Subject::read).transpose()?;
-    let (_unit, target) = setup::reach(&args.place, args.baud)?;
+    let (_unit, target) = setup::reach_existing(&args.place, args.baud)?;
     let mut report = Report {
         blocks: 0,
         damaged: 0,

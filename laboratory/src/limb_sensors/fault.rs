@@ -26,14 +26,19 @@ pub enum Fault {
     Mirrored,
 }
 
-/// Names of faults, what their number is, and its default.
-const NAMES: [(&str, &str, f64); 6] = [
-    ("reversed", "time of the flight (s)", -6.0),
-    ("slipped", "time of the flight (s)", 3.0),
-    ("dead", "time of the flight (s)", 5.0),
-    ("saturated", "range (deg/s)", 100.0),
-    ("late", "delay (s)", 0.06),
-    ("mirrored", "", 0.0),
+/// Names of faults, what their number is, its default, and its range.
+const NAMES: [(&str, &str, f64, [f64; 2]); 6] = [
+    (
+        "reversed",
+        "time of the flight (s)",
+        -6.0,
+        [-1000.0, 1000.0],
+    ),
+    ("slipped", "time of the flight (s)", 3.0, [-1000.0, 1000.0]),
+    ("dead", "time of the flight (s)", 5.0, [-1000.0, 1000.0]),
+    ("saturated", "range (deg/s)", 100.0, [1.0, 1e5]),
+    ("late", "delay (s)", 0.06, [-10.0, 10.0]),
+    ("mirrored", "", 0.0, [0.0, 0.0]),
 ];
 /// Angle of a slip (rad).
 const SLIP: f64 = 1.2;
@@ -65,18 +70,26 @@ impl Fault {
         };
         if name == "exchanged" {
             let other = segment(value.ok_or_else(problem)?)?;
+            if other == of {
+                return Err(Problem::bad_input(format!(
+                    "expected another segment to exchange {} with, found itself",
+                    of.name()
+                )));
+            }
             return Ok((of, Self::Exchanged(other)));
         }
-        let (_, what, default) =
+        let (_, what, default, [low, high]) =
             *(NAMES.iter().find(|(known, ..)| *known == name)).ok_or_else(problem)?;
         let number = match value {
             None => default,
             Some(value) => value
                 .parse()
                 .ok()
-                .filter(|v: &f64| v.is_finite())
+                .filter(|v: &f64| (low..=high).contains(v))
                 .ok_or_else(|| {
-                    Problem::bad_input(format!("expected {name}={what}, found {value:?}"))
+                    Problem::bad_input(format!(
+                        "expected {name}={what} of {low} to {high}, found {value:?}"
+                    ))
                 })?,
         };
         let fault = match name {
@@ -139,6 +152,13 @@ mod tests {
             ("tail:dead", "tail"),
             ("l_thigh:lost", "\"l_thigh:lost\""),
             ("l_thigh:late=soon", "late=delay (s)"),
+            ("l_thigh:late=1e9", "late=delay (s) of -10 to 10"),
+            ("l_thigh:slipped=1e9", "of -1000 to 1000"),
+            (
+                "l_thigh:saturated=0",
+                "saturated=range (deg/s) of 1 to 100000",
+            ),
+            ("l_thigh:exchanged=l_thigh", "found itself"),
             ("l_thigh:exchanged", "exchanged"),
         ] {
             let said = read(text).unwrap_err();

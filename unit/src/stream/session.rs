@@ -8,6 +8,7 @@ use bodyflight_core::link::{
     SCHEMA_HASH, Sample, SegmentTable, Start, Status, Stop, StreamMode, TimeSync, Verdict,
 };
 
+use super::super::request::refused;
 use super::latencies::Latencies;
 use super::line::{ANSWER_TIMEOUT, Line, encode};
 use super::twin::Twin;
@@ -190,10 +191,7 @@ impl Session {
                 self.ask_configured(*row)?;
             }
         }
-        Err(
-            Problem::bad_input(format!("the unit refuses the configuration: {verdict:?}"))
-                .help("docs/link.md, CONFIGURED, says what each verdict means"),
-        )
+        Err(refused(verdict))
     }
 
     fn ask_configured(&mut self, question: impl Into<Message>) -> Result<Configured> {

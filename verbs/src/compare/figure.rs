@@ -227,7 +227,7 @@ fn panels(tracks: [&Track; 2], compared: &Compared) -> Vec<Panel> {
 fn channel_panel([a, b]: [&Track; 2], compared: &Compared, channel: Channel) -> Panel {
     let origin = compared.matched.alignment.a_s;
     let times = &compared.differences.times;
-    let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
+    let (label, (unit, factor)) = (channel.titled(), channel.drawn());
     let apart = factor * compared.pair.channels.rms_difference.get(channel);
     let curve = |line: Line, value: &dyn Fn(&(f64, f64)) -> f64| Curve {
         line,

@@ -107,6 +107,7 @@ impl fmt::Display for Pair {
                 format!("{label}, {unit}")
             )?;
         }
+        writeln!(f, "yaw rate: positive to the left, seen from above")?;
         angles(f, &self.joints)?;
         if self.differences.is_empty() {
             writeln!(f)?;

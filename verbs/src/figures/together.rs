@@ -61,7 +61,7 @@ fn of_channel<'a>(
     channel: Channel,
     flights: impl Iterator<Item = ([Line; 2], &'a Drawn)>,
 ) -> Panel {
-    let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
+    let (label, (unit, factor)) = (channel.titled(), channel.drawn());
     let (mut curves, mut gaps) = (Vec::new(), Vec::new());
     for ([measured, estimated], flight) in flights {
         curves.push(Curve {

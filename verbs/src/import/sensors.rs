@@ -18,8 +18,8 @@ use bodyflight_replay::subject::Subject;
 use nalgebra::Vector3;
 
 use super::{
-    MappedSegment, PICTURE_FILE, RECORDING_FILE, Report, limbs, no_subject, seen_or_removed,
-    write_flight,
+    MappedSegment, PICTURE_FILE, RECORDING_FILE, Report, limbs, remarks::no_subject,
+    seen_or_removed, write_flight,
 };
 
 /// Time over which the drift of integrated velocities is averaged, on either side (s).
@@ -101,6 +101,7 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
         verdict: seen.verdict(&doubts),
         doubts,
         slips: Vec::new(),
+        contradictions: Vec::new(),
         letters: seen.picture,
     })
 }

@@ -153,7 +153,7 @@ pub fn drawn(
 pub fn comparison_svg(title: &str, comparison: &Comparison) -> Result<String> {
     let rms = comparison.rms();
     let panels = Channel::ALL.map(|channel| {
-        let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
+        let (label, (unit, factor)) = (channel.titled(), channel.drawn());
         let gap = factor * rms.get(channel);
         Panel {
             caption: format!("{label} ({unit}): RMS gap {gap:.2}"),

@@ -9,7 +9,7 @@ use bodyflight_core::observation::Observation;
 use bodyflight_replay::Precision;
 use bodyflight_replay::comparison::Channel;
 use bodyflight_replay::flight::Flight;
-use bodyflight_replay::joint_change::JointChange;
+use bodyflight_replay::joint_change::{JointChange, check_windows};
 use bodyflight_replay::steps::{Replay, Step};
 use bodyflight_replay::subject::Subject;
 use serde::Serialize;
@@ -209,6 +209,7 @@ pub fn what_if(
             interrupt::check()?;
         }
     }
+    check_windows(&change.joints, begin, sums.end)?;
     let warnings = unchanged.frames().warnings();
     let mut simulation = sums.simulation(change, begin, warnings);
     simulation.report.diverged = unchanged.diverged().or_else(|| changed.diverged());
@@ -404,7 +405,7 @@ impl fmt::Display for Report {
 /// Returns an error if the figure cannot be drawn.
 pub fn svg(title: &str, simulation: &Simulation) -> Result<String> {
     let panels = Channel::ALL.map(|channel| {
-        let ((label, _), (unit, factor)) = (channel.label(), channel.drawn());
+        let (label, (unit, factor)) = (channel.titled(), channel.drawn());
         let curve = |line, run: usize| Curve {
             line,
             points: (simulation.seen.iter())

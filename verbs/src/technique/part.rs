@@ -84,12 +84,15 @@ pub(super) fn used(flight: &Flight, settings: &Settings, options: Options) -> Re
         }
     }
     let gaps = all.windows(2).map(|pair| pair[1].time - pair[0].time);
-    let duration: f64 = gaps.filter(|gap| *gap < AROUND).sum();
+    let duration = gaps
+        .filter(|gap| *gap < AROUND)
+        .fold(0.0, |sum, gap| sum + gap);
     if all.len() < FEWEST || duration < SHORTEST {
         return Err(bad(format!(
             "expected at least {SHORTEST} s and {FEWEST} frames to find patterns in, found {duration:.1} s and {} frames",
             all.len()
-        )));
+        ))
+        .help("give --from and --to within the flight, whose length bodyflight inspect says"));
     }
     Ok(Used {
         frames: all,

@@ -290,6 +290,25 @@ impl ImuMapping {
         Ok(rows)
     }
 
+    /// Checks that each segment has a sensor of its own.
+    fn check_sensors(&self, rows: &[(Segment, &SensorRow)]) -> Result<()> {
+        for (place, (segment, row)) in rows.iter().enumerate() {
+            let before = rows.get(..place).unwrap_or_default();
+            let taken = before.iter().find(|(_, other)| {
+                !self.is_mvnx() && other.file == row.file && other.prefix == row.prefix
+            });
+            if let Some((other, _)) = taken {
+                return Err(Problem::bad_input(format!(
+                    "it has the file and the columns of {}: expected its own sensor",
+                    other.name()
+                ))
+                .at(format!("table sensors.{}", segment.name()))
+                .help("leave out a segment without a sensor"));
+            }
+        }
+        Ok(())
+    }
+
     fn check(&self) -> Result<()> {
         let positive = |name: &str, value: f64, most: f64| {
             if value > 0.0 && value <= most {
@@ -328,7 +347,9 @@ impl ImuMapping {
                 return Err(Problem::bad_input(message).at(format!("field calibration.{name}")));
             }
         }
-        for (segment, row) in self.rows()? {
+        let rows = self.rows()?;
+        self.check_sensors(&rows)?;
+        for (segment, row) in rows {
             let place = row.place_m.unwrap_or_default();
             if !place.iter().all(|part| part.abs() <= 1.0) {
                 let message = format!("expected three numbers within 1 m, found {place:?}");
@@ -363,6 +384,24 @@ mod tests {
 
     fn parse(text: &str) -> Result<ImuMapping> {
         ImuMapping::parse(text, Path::new("mapping.toml"))
+    }
+
+    #[test]
+    fn two_segments_have_no_sensor_in_common() {
+        let both = "kind = \"imu\"\nformat = \"dot\"\n[sensors.pelvis]\nfile = \"p.csv\"\n[sensors.l_thigh]\nfile = \"a.csv\"\n\
+            [sensors.l_shank]\nfile = \"a.csv\"\n";
+        let problem = ImuMapping::parse(both, Path::new("m.toml")).unwrap_err();
+        let said = problem.to_string();
+        assert!(
+            said.contains("sensors.l_shank") && said.contains("columns of l_thigh"),
+            "{said}"
+        );
+        let apart = both.replacen(
+            "file = \"a.csv\"\n",
+            "file = \"a.csv\"\nprefix = \"thigh_\"\n",
+            1,
+        );
+        assert!(ImuMapping::parse(&apart, Path::new("m.toml")).is_ok());
     }
 
     #[test]

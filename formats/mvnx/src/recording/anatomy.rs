@@ -14,6 +14,9 @@ const LEAST: u64 = 3;
 /// Shortest time (s) that a joint must be beyond what nobody reaches at all, so that it is no wrong frame or two.
 const A_WHILE: f64 = 0.2;
 
+/// Cosine of half the bend of a joint, above 150 degrees, that leaves the turn about the length open.
+const FOLDED: f64 = 0.26;
+
 /// Which way the segment's distal end, and its front, point in the axes of its parent: x left, y dorsal, z cranial.
 fn down(posture: &Posture<f64>, segment: Segment) -> Vector3<f64> {
     posture.parent_from_segment(segment) * -Vector3::z()
@@ -21,6 +24,17 @@ fn down(posture: &Posture<f64>, segment: Segment) -> Vector3<f64> {
 
 fn front(posture: &Posture<f64>, segment: Segment) -> Vector3<f64> {
     posture.parent_from_segment(segment) * -Vector3::y()
+}
+
+/// The angle (rad) by which a segment is turned about its length against its parent; none where it is folded back on it, so
+/// that length and parent leave the angle open.
+fn about_length(posture: &Posture<f64>, segment: Segment) -> f64 {
+    let turned = posture.parent_from_segment(segment);
+    // Of a rotation, the part about the length, and then a bend about an axis across it.
+    if turned.k.hypot(turned.w) < FOLDED {
+        return 0.0;
+    }
+    2.0 * (turned.k / turned.w).atan()
 }
 
 /// The angle (rad) to a plane, given its sine.
@@ -57,7 +71,7 @@ struct Check {
     ever: Option<f64>,
 }
 
-const CHECKS: [Check; 10] = [
+const CHECKS: [Check; 11] = [
     Check {
         segments: &[Segment::LeftShank, Segment::RightShank],
         said: "the knees are bent forwards",
@@ -72,6 +86,14 @@ const CHECKS: [Check; 10] = [
         measure: |posture, shank| beyond(down(posture, shank).x.abs()),
         mostly: 0.7,
         ever: Some(0.9),
+    },
+    // A bent knee turns by 30 to 45 degrees about the shank; recorded shanks, and those of sensors badly worn, stay within it.
+    Check {
+        segments: &[Segment::LeftShank, Segment::RightShank],
+        said: "the shanks are turned about their length against the thighs",
+        measure: |posture, shank| about_length(posture, shank).abs(),
+        mostly: 0.87,
+        ever: Some(1.57),
     },
     Check {
         segments: &[Segment::LeftForearm, Segment::RightForearm],

@@ -73,6 +73,7 @@ fn the_week_begins_on_sunday() {
         position: Vector::zero(),
         velocity: Vector::zero(),
         speed_accuracy: None,
+        position_accuracy: None,
     };
     assert!(fix.time_of_week().abs() < 1e-6);
 }

@@ -28,7 +28,7 @@ pub(super) struct Alone<'a> {
 }
 
 pub(super) fn run(alone: &Alone<'_>, json: bool) -> Result<()> {
-    let setup = alone.sensor.setup(alone.flight, alone.preset, alone.rate)?;
+    let (setup, of_person) = alone.sensor.setup(alone.flight, alone.preset, alone.rate)?;
     let source = alone.source;
     let input = Input::open(source, alone.baud)?;
     if let Some(folder) = alone.log {
@@ -40,6 +40,8 @@ pub(super) fn run(alone: &Alone<'_>, json: bool) -> Result<()> {
     });
     spinner.finish_and_clear();
     let (flight, mut report) = found.map_err(|problem| problem.in_file(Path::new(source)))?;
+    let doubts: Vec<String> = of_person.into_iter().chain(report.doubt).collect();
+    report.doubt = (!doubts.is_empty()).then(|| doubts.join("; "));
     if let Some(folder) = alone.log {
         report.written = Some(log::write(&flight, None, folder)?);
     }

@@ -41,8 +41,14 @@ impl SensorArgs {
         self.protocol.is_some() || self.mounting.is_some() || self.latency.is_some()
     }
 
-    /// The configuration of a unit for a subject.toml or flight.toml, with a sensor that sends at `rate` (Hz).
-    pub(in super::super) fn setup(&self, path: &Path, preset: &str, rate: f64) -> Result<Setup> {
+    /// The configuration of a unit for a subject.toml or flight.toml, with a sensor that sends at `rate` (Hz), and why
+    /// nobody is this person or flies in this air.
+    pub(in super::super) fn setup(
+        &self,
+        path: &Path,
+        preset: &str,
+        rate: f64,
+    ) -> Result<(Setup, Option<String>)> {
         let flight = Flight::read_person(path)?;
         let preset = estimate::unit_preset(preset)?;
         let (mut configure, table) = configuration_at(&flight, 0.0, &preset, rate)?;
@@ -53,7 +59,8 @@ impl SensorArgs {
         }
         if let Some([w, x, y, z]) = self.mounting.as_deref().and_then(<[f32]>::first_chunk) {
             let sent = Quaternion::new(*w, *x, *y, *z);
-            if (sent.norm() - 1.0).abs() > 0.01 {
+            let is_rotation = (sent.norm() - 1.0).abs() <= 0.01;
+            if !is_rotation {
                 return Err(Problem::bad_input(format!(
                     "expected --mounting with a norm of 1, found {:.3}",
                     sent.norm()
@@ -75,10 +82,11 @@ impl SensorArgs {
             Protocol::Bno08xRvc => SensorKind::Bno08xRvc,
             Protocol::Chain => SensorKind::Chain,
         };
-        Ok(Setup {
+        let setup = Setup {
             configure,
             table,
             limbs: LimbTable::new(),
-        })
+        };
+        Ok((setup, flight.doubt()))
     }
 }

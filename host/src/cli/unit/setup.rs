@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use bodyflight_core::link::{SensorKind, Setup};
-use bodyflight_io::diagnostic::Result;
+use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_unit::setup;
 use bodyflight_unit::stream::connection::{DEFAULT_BAUD, Target};
 use bodyflight_unit::virtual_unit::VirtualUnit;
@@ -30,7 +30,10 @@ pub(super) struct Place {
 /// From then on power is all that the unit needs: it starts with its own sensor, without a greeting, also after a reset
 /// in flight.
 #[derive(clap::Args)]
-#[command(after_help = "Example: bodyflight unit configure me.toml --port /dev/ttyACM0 --rate 100")]
+#[command(
+    after_help = "Exit code 5: the configuration is stored, but nobody is this person or flies in this air.\n\n\
+                  Example: bodyflight unit configure me.toml --port /dev/ttyACM0 --rate 100"
+)]
 pub(super) struct ConfigureArgs {
     /// A subject.toml, or a flight.toml for the subject, the air and the limbs.
     #[arg(required_unless_present = "erase")]
@@ -101,25 +104,37 @@ pub(super) fn reach(place: &Place, baud: u32) -> Result<(Option<VirtualUnit>, Ta
     }
 }
 
-pub(super) fn configure(args: &ConfigureArgs, json: bool) -> Result<()> {
-    let setup = args.flight.as_ref().map(|_| args.setup()).transpose()?;
-    let (_unit, target) = reach(&args.place, DEFAULT_BAUD)?;
-    match &setup {
-        Some(setup) => setup::store(&target, setup)?,
-        None => setup::erase(&target)?,
+/// Same as [`reach`], for a unit that is there: a virtual one without a memory has nothing to tell, and none is created.
+pub(super) fn reach_existing(place: &Place, baud: u32) -> Result<(Option<VirtualUnit>, Target)> {
+    if let Some(flash) = &place.flash {
+        std::fs::metadata(flash).map_err(|error| {
+            Problem::system("open", flash, error)
+                .help("name the memory of a virtual unit, which `unit --flash` or `unit configure --flash` created")
+        })?;
     }
-    print(setup.as_ref(), json)
+    reach(place, baud)
 }
 
-impl ConfigureArgs {
-    fn setup(&self) -> Result<Setup> {
-        let path = self.flight.clone().unwrap_or_default();
-        self.sensor.setup(&path, &self.preset, self.rate)
+pub(super) fn configure(args: &ConfigureArgs, json: bool) -> Result<()> {
+    let Some(flight) = &args.flight else {
+        let (_unit, target) = reach_existing(&args.place, DEFAULT_BAUD)?;
+        setup::erase(&target)?;
+        return print(None, json);
+    };
+    let (setup, doubt) = args.sensor.setup(flight, &args.preset, args.rate)?;
+    let (_unit, target) = reach(&args.place, DEFAULT_BAUD)?;
+    setup::store(&target, &setup)?;
+    print(Some(&setup), json)?;
+    match doubt {
+        None => Ok(()),
+        Some(doubt) => Err(Problem::doubt(doubt)
+            .in_file(flight)
+            .help("the configuration is stored; correct the file and store it again")),
     }
 }
 
 pub(super) fn show(args: &ShowArgs, json: bool) -> Result<()> {
-    let (_unit, target) = reach(&args.place, DEFAULT_BAUD)?;
+    let (_unit, target) = reach_existing(&args.place, DEFAULT_BAUD)?;
     print(setup::read(&target)?.as_ref(), json)
 }
 

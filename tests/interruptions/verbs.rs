@@ -1,0 +1,156 @@
+//! The verbs that are killed.
+
+/// A verb that writes files: its arguments, which name files of the folder in which it runs.
+pub(super) struct Verb {
+    pub(super) name: &'static str,
+    pub(super) arguments: &'static [&'static str],
+}
+
+const fn verb(name: &'static str, arguments: &'static [&'static str]) -> Verb {
+    Verb { name, arguments }
+}
+
+/// The verbs, each with all the files that it can write.
+pub(super) const VERBS: [Verb; 13] = [
+    verb(
+        "simulate",
+        &[
+            "simulate",
+            "flight-0/flight.toml",
+            "--out",
+            "a.csv",
+            "--plot",
+            "a.svg",
+            "--force",
+        ],
+    ),
+    verb(
+        "estimate",
+        &[
+            "estimate",
+            "flight-0/flight.toml",
+            "--out",
+            "a.csv",
+            "--plot",
+            "a.svg",
+            "--force",
+        ],
+    ),
+    verb(
+        "export",
+        &[
+            "export",
+            "flight-0/flight.toml",
+            "--out",
+            "a.csv",
+            "--force",
+        ],
+    ),
+    verb(
+        "import",
+        &[
+            "import",
+            "swing.csv",
+            "--mapping",
+            "points.toml",
+            "--out",
+            "imported",
+            "--force",
+        ],
+    ),
+    verb("fall", &["fall", "track.csv", "--plot", "a.svg", "--force"]),
+    verb(
+        "figures",
+        &[
+            "figures",
+            "flight-0/flight.toml",
+            "--format",
+            "svg",
+            "--out",
+            "drawn",
+            "--force",
+        ],
+    ),
+    verb(
+        "view",
+        &["view", "flight-0/flight.toml", "--out", "a.html", "--force"],
+    ),
+    verb(
+        "synth",
+        &[
+            "synth",
+            "rotations",
+            "--seed",
+            "1",
+            "--out",
+            "flown",
+            "--force",
+        ],
+    ),
+    verb(
+        "compare",
+        &[
+            "compare",
+            "flight-0/flight.toml",
+            "flight-1/flight.toml",
+            "--align",
+            "start",
+            "--out",
+            "a.csv",
+            "--plot",
+            "a.svg",
+            "--force",
+        ],
+    ),
+    verb(
+        "technique",
+        &[
+            "technique",
+            "flight-0/flight.toml",
+            "--out",
+            "a.csv",
+            "--csv",
+            "b.csv",
+            "--bode",
+            "b.svg",
+            "--picture",
+            "c.svg",
+            "--force",
+        ],
+    ),
+    verb(
+        "discover",
+        &[
+            "discover",
+            "flight-0/flight.toml",
+            "flight-1/flight.toml",
+            "--out",
+            "found",
+            "--force",
+        ],
+    ),
+    verb(
+        "tune",
+        &[
+            "tune",
+            "flight-0/flight.toml",
+            "--draws",
+            "8",
+            "--out",
+            "best.toml",
+            "--force",
+        ],
+    ),
+    verb(
+        "hide",
+        &[
+            "hide",
+            "wind",
+            "--duration",
+            "4",
+            "--out",
+            "hidden",
+            "--force",
+        ],
+    ),
+];
