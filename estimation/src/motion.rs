@@ -145,7 +145,7 @@ fn with_each<R>(
         None
     };
     reached(0.0);
-    let least = least_doubt(found.as_ref());
+    let least = least_doubt(found.as_ref(), flight);
     let about = Sizes::about(f64::from(preset.joint_error));
     let sizes = found.as_ref().map_or(about, |_| Sizes::any());
     // If joint errors wander in the first minute, the whole flight has no solution with constant ones.
@@ -174,6 +174,7 @@ fn with_each<R>(
             errors.tell(&mut estimation.report);
         }
         estimation.report.warn(measured.warnings.clone());
+        estimation.report.doubt_sensors(&flight.doubted);
         Ok(estimation)
     };
     of(&by)
@@ -202,9 +203,9 @@ fn points<T: Real>(
     }
 }
 
-/// Least doubt of each estimate, for joint errors as found.
-fn least_doubt(found: Option<&JointErrors>) -> Consistency {
-    if found.is_some_and(|errors| !errors.is_plausible) {
+/// Least doubt of each estimate, for joint errors as found and the sensors of the flight.
+fn least_doubt(found: Option<&JointErrors>, flight: &Flight) -> Consistency {
+    if found.is_some_and(|errors| !errors.is_plausible) || !flight.doubted.is_empty() {
         Consistency::Doubtful
     } else {
         Consistency::Consistent
