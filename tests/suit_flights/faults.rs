@@ -1,5 +1,4 @@
-//! How often planted faults are named, and whether estimates are consistent while a posture is wrong: the table of
-//! docs/suit.md.
+//! How often planted faults are named, and whether estimates are consistent while a posture is wrong, as a table.
 
 use std::sync::Mutex;
 
