@@ -63,6 +63,7 @@ impl Jump {
         let [subject, out] = ["jump/subject.toml", "suit"].map(path);
         let arguments = [
             "import",
+            "--force",
             &sensors,
             "--mapping",
             &map,
