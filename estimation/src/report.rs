@@ -1,5 +1,6 @@
 //! The numbers of an estimation.
 
+use bodyflight_core::Segment;
 use bodyflight_core::dynamics::Motion;
 use bodyflight_core::estimator::motion::watch::{Consistency, Watch};
 use bodyflight_core::estimator::status::{Faults, Health};
@@ -138,6 +139,20 @@ impl Report {
         if faults.is_some() {
             (self.doubt, self.is_recording_doubtful) = (faults, true);
         }
+    }
+
+    /// Doubts the estimate because the sensors of segments are doubted, if there are any, rather than for another reason.
+    pub(crate) fn doubt_sensors(&mut self, doubted: &[Segment]) {
+        if doubted.is_empty() {
+            return;
+        }
+        let names: Vec<&str> = doubted.iter().map(|segment| segment.name()).collect();
+        self.doubt = Some(format!(
+            "the import of the sensors doubted {} (suit.doubted of flight.toml), so the posture may be wrong by any angle: mend what it \
+             said, or leave these sensors out of the mapping, and import again",
+            names.join(", ")
+        ));
+        self.is_recording_doubtful = true;
     }
 }
 

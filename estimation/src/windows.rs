@@ -102,6 +102,7 @@ fn run<T: Real, P: Propagation<T>, const INTERVALS: usize>(
     }
     let mut estimation = collected.finish(end - start.time, filter.delay().to_f64());
     estimation.report.warn(replay.frames().warnings());
+    estimation.report.doubt_sensors(&flight.doubted);
     Ok(estimation)
 }
 

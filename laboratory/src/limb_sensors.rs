@@ -103,6 +103,8 @@ pub struct Streams {
     pub flight_s: f64,
     /// A receiver's track of the flight.
     pub track: Vec<Fix>,
+    /// Name of the limb groups that act in the flight; empty if it is not known.
+    pub muscles: &'static str,
 }
 
 impl LimbSensors {
@@ -142,6 +144,7 @@ impl LimbSensors {
             sensors,
             flight_s: ground::DURATION,
             track: track::of(&mut random, frames),
+            muscles: "",
         }
     }
 
@@ -150,6 +153,7 @@ impl LimbSensors {
             sensors: self.segments.iter().map(|s| (*s, Vec::new())).collect(),
             flight_s: ground::DURATION,
             track: Vec::new(),
+            muscles: "",
         }
     }
 
@@ -303,6 +307,9 @@ impl Streams {
         let _ = writeln!(text, "turns_s = {:?}", ground::TURNS);
         let _ = writeln!(text, "\n[flight]\nbegin_s = {:?}", self.flight_s);
         let _ = writeln!(text, "gnss = \"{TRACK_FILE}\"");
+        if !self.muscles.is_empty() {
+            let _ = writeln!(text, "muscles = {:?}", self.muscles);
+        }
         for (segment, _) in &self.sensors {
             let name = segment.name();
             let _ = writeln!(text, "\n[sensors.{name}]\nfile = \"{name}.csv\"");

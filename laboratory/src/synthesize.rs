@@ -209,7 +209,10 @@ fn worn(request: &Request<'_>, dynamics: &Dynamics<f64>, limbs: Limbs) -> Result
         sizes: Sizes::TYPICAL,
         fault: limbs.fault,
     };
-    Ok(sensors.of(&dynamics.body, &frames))
+    Ok(Streams {
+        muscles: request.maneuver.muscles.name(),
+        ..sensors.of(&dynamics.body, &frames)
+    })
 }
 
 /// Flies the maneuver and returns every recorded frame.

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use bodyflight_core::SegmentArray;
 use bodyflight_core::aerodynamics::stream::Stream;
 use bodyflight_core::air::{Air, Density};
 use bodyflight_core::dynamics::free_run::Equations;
@@ -10,10 +9,11 @@ use bodyflight_core::dynamics::muscle_input::{self, MuscleForces, MuscleModel};
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::frame::Vector;
 use bodyflight_core::tolerances::Tolerances;
+use bodyflight_core::{Segment, SegmentArray};
 use serde::{Deserialize, Serialize};
 
 use crate::conditions;
-use crate::frames::Frames;
+use crate::frames::{Frames, Track};
 use crate::input_history::InputHistory;
 use crate::model_file::Effects;
 use crate::person;
@@ -58,6 +58,8 @@ pub struct Flight {
     pub effects: Effects,
     /// A satellite receiver's track, whose velocities replace the suit's.
     pub gnss: Option<PathBuf>,
+    /// How long after the first row of that track the recording begins (s), if it is given.
+    pub gnss_begin_s: Option<f64>,
     /// How a free run gets its initial motion.
     pub start: Start,
     /// Whether a subject was given; if not, the default one is used.
@@ -66,6 +68,8 @@ pub struct Flight {
     pub tolerances: Tolerances,
     /// Standard deviation of each segment's orientation relative to the pelvis about an axis (rad), if it is stated.
     pub segment_errors: Option<SegmentArray<f64>>,
+    /// Segments whose orientation may be wrong by any angle, since their sensors are doubted.
+    pub doubted: Vec<Segment>,
 }
 
 /// How a free run gets its initial motion.
@@ -104,6 +108,7 @@ struct FlightFile {
     subject: Option<PathBuf>,
     inputs: Option<PathBuf>,
     gnss: Option<PathBuf>,
+    gnss_begin_s: Option<f64>,
     muscles: Option<String>,
     muscle_forces: Option<MuscleForcesName>,
     lever_arms: Option<[f32; 4]>,
@@ -184,16 +189,20 @@ impl Flight {
     /// # Errors
     /// Returns an error if a file cannot be used, or the clocks cannot be aligned.
     pub fn open(&self, options: Options) -> Result<Frames> {
-        let frames = Frames::open(&self.recording, self.gnss.as_deref(), options)?;
+        let track = self.gnss.as_deref().map(|path| Track {
+            path,
+            begin_s: self.gnss_begin_s,
+        });
+        let frames = Frames::open(&self.recording, track, options)?;
         Ok(frames
             .of_person(&self.subject.body(), self.has_subject)
-            .with_doubts(self.doubted())
+            .with_doubts(self.unlikely_conditions())
             .in_air(self.air_velocity)
             .with_inputs(self.inputs.as_ref().and_then(InputHistory::ends)))
     }
 
     /// Air and coefficients that nobody flies in or has.
-    fn doubted(&self) -> Vec<Warning> {
+    fn unlikely_conditions(&self) -> Vec<Warning> {
         let density = match self.density {
             DensityChoice::Constant(density) => Some(density),
             DensityChoice::FirstFrameAltitude(_) => None,
@@ -204,7 +213,10 @@ impl Flight {
     /// Why nobody is this person or flies in this air, without any recording.
     pub fn doubt(&self) -> Option<String> {
         let person = person::unlikely(&self.subject.body());
-        let others = self.doubted().into_iter().map(|warning| warning.message);
+        let others = self
+            .unlikely_conditions()
+            .into_iter()
+            .map(|warning| warning.message);
         let said: Vec<String> = person.into_iter().chain(others).collect();
         (!said.is_empty()).then(|| said.join("; "))
     }
@@ -221,10 +233,12 @@ impl Flight {
             inputs: None,
             effects: Effects::default(),
             gnss: None,
+            gnss_begin_s: None,
             start: Start::default(),
             has_subject: false,
             tolerances: Tolerances::default(),
             segment_errors: None,
+            doubted: Vec::new(),
         }
     }
 
@@ -289,12 +303,14 @@ impl Flight {
             },
             effects: Effects::default(),
             gnss: file.gnss.map(|gnss| folder.join(gnss)),
+            gnss_begin_s: file.gnss_begin_s,
             start: Start::default(),
             has_subject: file.subject.is_some(),
             tolerances: tolerances(&file.suit, &file.tolerance)
                 .map_err(|(field, message)| at(field, message))?,
             segment_errors: (file.suit.segment_errors())
                 .map_err(|message| at("suit.segments_deg", message))?,
+            doubted: (file.suit.doubted()).map_err(|message| at("suit.doubted", message))?,
         })
     }
 
@@ -439,6 +455,12 @@ mod tests {
     }
 
     #[test]
+    fn doubted_segments_are_those_of_the_file() {
+        let text = "recording = \"a.mvnx\"\n[suit]\ndoubted = [\"l_thigh\"]\n[suit.segments_deg]\nhead = 9";
+        assert_eq!(parse(text).unwrap().doubted, [Segment::LeftThigh]);
+    }
+
+    #[test]
     fn lever_arms_are_those_of_the_file() {
         let arms = [2.8, 1.2, 1.8, 2.2];
         let text =
@@ -486,6 +508,10 @@ mod tests {
             (
                 "recording = \"a\"\n[suit]\nsegments_deg = { tail = 3 }",
                 ["suit.segments_deg", "tail"],
+            ),
+            (
+                "recording = \"a\"\n[suit]\ndoubted = [\"tail\"]",
+                ["suit.doubted", "tail"],
             ),
             (
                 "recording = \"a\"\n[suit]\nsegments_deg = { head = 0 }",

@@ -8,7 +8,7 @@ use bodyflight_falls::channels::{Checked, Remedy, checked};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvnx::recording::{FlightFrame, Options, Recording, Warning, faults};
 
-use crate::gnss::{Alignment, Solution, aligned};
+use crate::gnss::{Alignment, Solution, aligned, placed};
 use crate::person;
 use crate::support::Support;
 
@@ -32,6 +32,15 @@ pub struct Frames {
 /// Time by which inputs may be shorter than a flight (s); a filter's estimates come this late.
 const SHORTER: f64 = 1.0;
 
+/// A receiver's track of a flight.
+#[derive(Debug, Clone, Copy)]
+pub struct Track<'a> {
+    /// Its file.
+    pub path: &'a Path,
+    /// How long after its first row the recording begins (s); otherwise the velocities of both tell.
+    pub begin_s: Option<f64>,
+}
+
 /// What is said of a receiver's track whose channels contradict each other; it is a fault if they cannot be mended.
 fn said(track: &Checked) -> Vec<Warning> {
     let said = track.findings.iter().map(|finding| Warning {
@@ -46,18 +55,21 @@ impl Frames {
     ///
     /// # Errors
     /// Returns an error if a file cannot be used, or the clocks cannot be aligned.
-    pub fn open(recording: &Path, track: Option<&Path>, options: Options) -> Result<Self> {
+    pub fn open(recording: &Path, track: Option<Track<'_>>, options: Options) -> Result<Self> {
         let mut frames = Recording::open(recording, options)?;
         let (mut alignment, mut solutions) = (None, None);
         let mut of_files = Vec::new();
-        if let Some(path) = track {
+        if let Some(Track { path, begin_s }) = track {
             let track = bodyflight_tracks::read(path)?;
             let all = frames.collect::<Result<Vec<_>>>()?;
             // Channels in other units or without signs would fit no recording.
             let checked = checked(&track.samples, track.given);
             of_files = said(&checked);
-            let aligned =
-                aligned(&all, &checked.samples).map_err(|problem| problem.in_file(path))?;
+            let aligned = match begin_s {
+                Some(begin_s) => placed(&all, &checked.samples, begin_s),
+                None => aligned(&all, &checked.samples),
+            };
+            let aligned = aligned.map_err(|problem| problem.in_file(path))?;
             alignment = Some(aligned.alignment);
             solutions = Some(aligned.solutions(&track.speed_accuracy, track.given.velocities));
             let velocities = Box::new(move |time| aligned.velocity_at(time));

@@ -4,6 +4,9 @@
 //! Both observe the same vertical speed and the same turns over ground. The clock shift chosen is the one with the
 //! least sum of squares. Velocities are compared after removing a linear trend, because a suit drifts, and horizontal
 //! ones up to a constant rotation of the heading, by which magnetic and true north differ.
+//!
+//! A recording without velocity has nothing to compare: then the file of the flight must say when the track began, and
+//! north is taken to be true north.
 
 use bodyflight_core::frame::{Inertial, Vector};
 use bodyflight_falls::Sample;
@@ -60,12 +63,12 @@ const UNSTATED: [f64; 2] = [0.5, 1.0];
 pub struct Alignment {
     /// Time of the track minus time of the recording (s).
     pub shift_s: f64,
-    /// Standard deviation of the shift (s).
+    /// Standard deviation of the shift (s); zero if it was given.
     pub deviation_s: f64,
     /// Rotation from the track's true north to the recording's north (rad, towards west).
     pub heading_rad: f64,
-    /// Root mean square of the remaining difference between the vertical speeds (m/s).
-    pub gap_mps: f64,
+    /// Root mean square of the remaining difference between the vertical speeds (m/s), if the recording has any.
+    pub gap_mps: Option<f64>,
 }
 
 /// Velocity of a track at a time (m/s), on a smooth curve through its rows; `None` past its ends and in gaps.
@@ -240,6 +243,13 @@ fn mean_squares(
 /// # Errors
 /// Returns an error if the recording has no velocities, or if no shift is clearly better than all others.
 pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
+    if without_velocity(frames) {
+        return Err(Problem::bad_input(
+            "the recording has no velocity, which would tell when the track began",
+        )
+        .at("field gnss")
+        .help("gnss_begin_s = 12.3: by how much (s) the recording begins after the first row of the track; its north must be true north"));
+    }
     let recorded = thinned(frames)?;
     let (Some((first, _)), Some((last, _))) = (recorded.first(), recorded.last()) else {
         return Err(refused(
@@ -302,16 +312,46 @@ pub fn aligned(frames: &[FlightFrame], track: &[Sample]) -> Result<Aligned> {
         // Only the rows of the track have independent errors; the instants in between repeat them.
         deviation_s: (2.0 / curvature / rows.max(1) as f64).sqrt(),
         heading_rad: here.heading,
-        gap_mps: (here.vertical / here.count).sqrt(),
+        gap_mps: Some((here.vertical / here.count).sqrt()),
     };
-    let samples = track.iter().map(|sample| Sample {
-        time: sample.time - shift,
-        ..*sample
-    });
-    Ok(Aligned {
-        samples: samples.collect(),
-        alignment,
-    })
+    Ok(Aligned::new(track, alignment))
+}
+
+/// The track on the clock of a recording that begins `begin_s` (s) after the track's first row.
+///
+/// # Errors
+/// Returns an error if the track is empty or does not cover the recording.
+pub fn placed(frames: &[FlightFrame], track: &[Sample], begin_s: f64) -> Result<Aligned> {
+    let (Some(first), Some(last), Some(begin)) = (frames.first(), frames.last(), track.first())
+    else {
+        return Err(refused("the track or the recording is empty".into()));
+    };
+    let shift = begin.time + begin_s - first.time;
+    let is_covered = |frame: &FlightFrame| velocity_at(track, frame.time + shift).is_some();
+    if !(is_covered(first) && is_covered(last)) {
+        let length = track.last().map_or(0.0, |end| end.time - begin.time);
+        return Err(Problem::bad_input(format!(
+            "the track of {length:.1} s does not cover the recording of {:.1} s, which begins {begin_s:.1} s after its first row",
+            last.time - first.time
+        ))
+        .at("field gnss_begin_s"));
+    }
+    let here = match without_velocity(frames) {
+        true => None,
+        false => left(&thinned(frames)?, track, shift, 1.0),
+    };
+    let alignment = Alignment {
+        shift_s: shift,
+        deviation_s: 0.0,
+        heading_rad: here.as_ref().map_or(0.0, |here| here.heading),
+        gap_mps: here.map(|here| (here.vertical / here.count).sqrt()),
+    };
+    Ok(Aligned::new(track, alignment))
+}
+
+/// Whether no frame has a velocity.
+fn without_velocity(frames: &[FlightFrame]) -> bool {
+    frames.iter().all(|frame| frame.pelvis.velocity.is_none())
 }
 
 /// The recording's velocities, averaged over [`EVERY`].
@@ -335,6 +375,17 @@ fn thinned(frames: &[FlightFrame]) -> Result<Vec<(f64, Vector3<f64>)>> {
 }
 
 impl Aligned {
+    fn new(track: &[Sample], alignment: Alignment) -> Self {
+        let samples = track.iter().map(|sample| Sample {
+            time: sample.time - alignment.shift_s,
+            ..*sample
+        });
+        Self {
+            samples: samples.collect(),
+            alignment,
+        }
+    }
+
     /// Velocity over ground at a time of the recording (m/s), in its axes; `None` if the track does not reach it.
     pub fn velocity_at(&self, time: f64) -> Option<Vector<f64, Inertial>> {
         Some(self.in_axes(&velocity_at(&self.samples, time)?))
@@ -415,6 +466,29 @@ mod tests {
                 }
             })
             .collect()
+    }
+
+    /// Without velocities in the recording the begin is asked for, and taken as given.
+    #[test]
+    fn a_recording_without_velocity_takes_a_track_whose_begin_is_given() {
+        let mut blind = frames(20.0);
+        for frame in &mut blind {
+            frame.pelvis.velocity = None;
+        }
+        let track = track(0.0, 100.0, 130.0);
+        let asked = aligned(&blind, &track).unwrap_err();
+        let help = asked.help.as_deref().unwrap_or_default();
+        assert!(help.contains("gnss_begin_s"), "{asked}");
+        let placed = |begin_s| placed(&blind, &track, begin_s);
+        let found = placed(3.0).unwrap();
+        assert!((found.alignment.shift_s - 103.0).abs() < 1e-9);
+        assert_eq!(found.alignment.gap_mps, None);
+        let velocity = found.velocity_at(5.0).unwrap().components;
+        assert!((velocity - flown(108.0)).norm() < 0.3, "{velocity}");
+        for wrong in [-1.0, 15.0] {
+            let said = placed(wrong).unwrap_err().to_string();
+            assert!(said.contains("does not cover"), "{said}");
+        }
     }
 
     #[test]

@@ -8,6 +8,7 @@
 //! bend = 0.03              # joint error proportional to the bend (fraction)
 //! segments_deg = { l_thigh = 5.0 }  # errors of segments relative to the pelvis about an axis, which `estimate` uses in
 //!                          # place of the joints'; a segment that is not named has that of its parent
+//! doubted = ["l_thigh"]    # segments whose sensors an import doubts: no estimate is consistent then
 //!
 //! [tolerance]
 //! mass = 0.03              # body and each segment; this and the next three are fractions
@@ -33,6 +34,8 @@ pub(super) struct SuitTable {
     wander_limit_deg: Option<f64>,
     bend: Option<f64>,
     segments_deg: Option<BTreeMap<String, f64>>,
+    #[serde(default)]
+    doubted: Vec<String>,
 }
 
 /// Largest error of a segment (degrees).
@@ -41,6 +44,15 @@ const LARGEST_SEGMENT_DEG: f64 = 90.0;
 const LEAST_SEGMENT_DEG: f64 = 0.1;
 
 impl SuitTable {
+    /// The segments whose sensors are doubted; an error is what is wrong with the field.
+    pub(super) fn doubted(&self) -> Result<Vec<Segment>, String> {
+        let segment = |name: &String| {
+            Segment::from_name(name)
+                .ok_or_else(|| format!("expected names of segments, found \"{name}\""))
+        };
+        self.doubted.iter().map(segment).collect()
+    }
+
     /// Standard deviation of each segment relative to the pelvis (rad), if the table gives any; an error is what is wrong
     /// with the field.
     pub(super) fn segment_errors(&self) -> Result<Option<SegmentArray<f64>>, String> {

@@ -1,6 +1,7 @@
 //! The log kept on board by a unit, read back over its serial line.
 
 mod flight;
+mod folders;
 mod tables;
 
 use std::time::Instant;
@@ -10,6 +11,7 @@ use bodyflight_core::link::{
 };
 
 pub use self::flight::{FILES, LoggedFlight, Written, flights, write};
+pub use self::folders::{WithoutAttitude, WrittenLog, folders, write_all};
 use super::stream::connection::{Connection, Target};
 use super::stream::line::{ANSWER_TIMEOUT, Line};
 use bodyflight_io::diagnostic::{Problem, Result};

@@ -93,7 +93,8 @@ pub(super) struct Flashed {
 #[derive(clap::Args)]
 #[command(
     after_help = "Writes OUT/1, OUT/2 and so on, the oldest first, each with flight.toml, flight.mvnx, estimates.csv and \
-                  unit.csv with the unit's own status. Exit code 4: blocks of the log are damaged; the intact ones are written.\n\n\
+                  unit.csv with the unit's own status. A flight of which no sample has an attitude is named and left out. Exit code 4: \
+                  blocks of the log are damaged; the intact ones are written.\n\n\
                   Example: bodyflight unit log --port /dev/ttyACM0 --out jump --subject me.toml"
 )]
 struct LogArgs {
@@ -108,7 +109,7 @@ struct LogArgs {
     /// The person who flew, a subject.toml; by default the recording has the body that the unit used.
     #[arg(long)]
     subject: Option<PathBuf>,
-    /// Erase the log; with --out, after writing it, and only if no block is damaged.
+    /// Erase the log; with --out, after writing it, and only if no block is damaged and every flight was written.
     #[arg(long)]
     erase: bool,
     #[command(flatten)]
@@ -122,6 +123,8 @@ pub(super) struct Report {
     blocks: usize,
     damaged: usize,
     flights: Vec<log::Written>,
+    /// Flights that were not written.
+    without_attitude: Vec<log::WithoutAttitude>,
     erased: bool,
 }
 
@@ -163,33 +166,34 @@ fn read_log(args: &LogArgs, json: bool) -> Result<()> {
         blocks: 0,
         damaged: 0,
         flights: Vec::new(),
+        without_attitude: Vec::new(),
         erased: false,
     };
+    let mut attitudes = Ok(());
     if let Some(folder) = &args.out {
         let bar = terminal::spinner("blocks");
         let blocks = log::read(&target, &mut |count| bar.set_position(count as u64))?;
         bar.finish_and_clear();
         let (flights, damaged) = log::flights(&blocks);
         (report.blocks, report.damaged) = (blocks.len(), damaged);
-        let folders = (1..=flights.len()).map(|number| folder.join(number.to_string()));
-        let folders: Vec<_> = folders.collect();
-        for folder in &folders {
-            args.outputs.check_in(folder, &log::FILES)?;
+        for (_, _, own) in log::folders(&flights, folder) {
+            if let Some(own) = own {
+                args.outputs.check_in(&own, &log::FILES)?;
+            }
         }
-        for (folder, flight) in folders.iter().zip(&flights) {
-            let written = log::write(flight, subject.as_ref(), folder)?;
-            report.flights.push(written);
-        }
+        let log = log::write_all(&flights, subject.as_ref(), folder)?;
+        attitudes = log.check();
+        (report.flights, report.without_attitude) = (log.written, log.without_attitude);
     }
     // A damaged block may read correctly at the next attempt.
-    if args.erase && report.damaged == 0 {
+    if args.erase && report.damaged == 0 && report.without_attitude.is_empty() {
         log::erase(&target)?;
         report.erased = true;
     }
     if json {
         terminal::print_json(&report)?;
     } else {
-        print(&report);
+        print(&report, args.erase);
     }
     if report.damaged > 0 {
         return Err(Problem::disagreement(format!(
@@ -197,7 +201,7 @@ fn read_log(args: &LogArgs, json: bool) -> Result<()> {
             report.damaged, report.blocks
         )));
     }
-    Ok(())
+    attitudes
 }
 
 fn flash(args: &FlashArgs, json: bool) -> Result<()> {
@@ -233,7 +237,7 @@ fn flash(args: &FlashArgs, json: bool) -> Result<()> {
     Ok(())
 }
 
-fn print(report: &Report) {
+fn print(report: &Report, erase: bool) {
     for written in &report.flights {
         let log::Written {
             flight,
@@ -254,7 +258,15 @@ fn print(report: &Report) {
             terminal::note(&said);
         }
     }
-    if report.flights.is_empty() && !report.erased {
+    for flight in &report.without_attitude {
+        terminal::note(&flight.sentence());
+    }
+    if erase && !report.erased {
+        terminal::note(
+            "the log was not erased, since not all of it was written; --erase without --out does so",
+        );
+    }
+    if report.flights.is_empty() && report.without_attitude.is_empty() && !report.erased {
         terminal::print("the log contains no flight");
     }
     if report.erased {

@@ -18,6 +18,10 @@ use bodyflight_mvnx::recording::{FlightFrame, PelvisMotion};
 use bodyflight_mvnx::writer::{Description, Origin, Writer};
 use bodyflight_replay::subject::Subject;
 
+/// What to do if a flight has no attitude.
+pub(super) const LEVELLED: &str = "a sensor that sends no attitude is levelled once it was still for a second: hold the unit still \
+     for some seconds after power-on";
+
 /// A flight found in the log.
 #[derive(Debug, Default)]
 pub struct LoggedFlight {
@@ -143,6 +147,12 @@ impl LoggedFlight {
         let first = self.samples.first().map_or(0, |(time, _)| *time);
         let samples = self.samples.iter();
         samples.map(move |(time, sample)| (since(first, *time), sample.posture().cast()))
+    }
+
+    /// Whether any sample has an attitude; without one there is nothing to record.
+    pub fn has_attitude(&self) -> bool {
+        let mut samples = self.samples.iter();
+        samples.any(|(_, sample)| sample.valid.contains(Validity::ATTITUDE))
     }
 
     /// Time from the first sample to the last (s).
@@ -277,7 +287,7 @@ pub fn write(flight: &LoggedFlight, subject: Option<&Subject>, folder: &Path) ->
         return Err(Problem::bad_input(
             "expected samples with an attitude, found none in this flight",
         )
-        .help("a sensor that sends no attitude is levelled once it was still for a second"));
+        .help(LEVELLED));
     };
     std::fs::create_dir_all(folder).map_err(|error| Problem::system("create", folder, error))?;
     let description = Description {

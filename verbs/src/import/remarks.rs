@@ -23,7 +23,7 @@ pub(super) fn warnings(
     if !has_places {
         warnings.push(
             "the source has no positions, so the recording has no velocity; add a receiver's track for it: \
-             gnss = \"TRACK.CSV\" in flight.toml"
+             gnss = \"TRACK.CSV\" in flight.toml, and gnss_begin_s = 12.3, by how much (s) the recording begins after the first row of the track"
                 .to_owned(),
         );
     }

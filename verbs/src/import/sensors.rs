@@ -3,9 +3,10 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use bodyflight_core::Segment;
 use bodyflight_core::air::STANDARD_GRAVITY;
+use bodyflight_core::dynamics::muscle_input::{MODELS, MuscleModel};
 use bodyflight_core::frame::Vector;
-use bodyflight_core::{Segment, SegmentArray};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
 use bodyflight_io::interrupt;
@@ -13,7 +14,7 @@ use bodyflight_mocap::imu::mapping::ImuMapping;
 use bodyflight_mocap::imu::worn::{Worn, sensors, worn};
 use bodyflight_mvnx::recording::{FlightFrame, Options, PelvisMotion};
 use bodyflight_mvnx::writer::{Description, Origin, Writer};
-use bodyflight_replay::frames::Frames;
+use bodyflight_replay::frames::{Frames, Track};
 use bodyflight_replay::subject::Subject;
 use nalgebra::Vector3;
 
@@ -67,13 +68,20 @@ pub fn import(request: &Request<'_>, progress: &mut dyn FnMut(f64)) -> Result<Re
             let provisional = request.folder.join(PROVISIONAL_FILE);
             let inertial = inertial(&worn);
             write_recording(request, &worn, Some(&inertial), &provisional)?;
-            let received = aligned(&provisional, track)?;
+            let begin_s = request.mapping.flight.gnss_begin_s;
+            let received = aligned(
+                &provisional,
+                Track {
+                    path: track,
+                    begin_s,
+                },
+            )?;
             let velocities = joined(&inertial, &received, worn.rate_hz);
             write_recording(request, &worn, Some(&velocities), &recording)?;
         }
     }
     let seen = seen_or_removed(request.has_subject, &recording, &body).map_err(in_path)?;
-    let more = segment_errors(&worn.deviation);
+    let more = format!("{}{}", limb_groups(request.mapping)?, suit_table(&worn));
     let flight = write_flight(request.subject, request.folder, &more)?;
     let mut warnings = worn.notes.clone();
     warnings.extend(no_subject(request.has_subject, request.subject));
@@ -218,7 +226,7 @@ fn averaged(values: &[Vector3<f64>], rate_hz: f64) -> Vec<Vector3<f64>> {
 
 /// Velocities of the receiver's track on the clock of the recording and in its axes (m/s). The recording is
 /// removed.
-fn aligned(recording: &Path, track: &Path) -> Result<Vec<Vector3<f64>>> {
+fn aligned(recording: &Path, track: Track<'_>) -> Result<Vec<Vector3<f64>>> {
     let read = || {
         let frames = Frames::open(recording, Some(track), Options::default())?;
         let velocity = |frame: Result<FlightFrame>| {
@@ -231,16 +239,36 @@ fn aligned(recording: &Path, track: &Path) -> Result<Vec<Vector3<f64>>> {
     std::fs::remove_file(recording).map_err(|error| Problem::system("remove", recording, error))?;
     velocities.map_err(|problem: Problem| {
         problem.at("field flight.gnss").help(
-            "the track must be of this flight, with some seconds on either side, and the flight must change its fall rate or turn",
+            "the track must be of this flight, with some seconds on either side, and the flight must change its fall rate or turn, or gnss_begin_s say \
+             how long after the first row of the track the flight begins (s)",
         )
     })
 }
 
-/// The errors of the segments, as a table of `flight.toml`.
-fn segment_errors(deviation: &SegmentArray<f64>) -> String {
-    let mut text = String::from("\n[suit.segments_deg]\n");
-    for (segment, deviation) in deviation.iter().skip(1) {
+/// The limb groups as a line of `flight.toml`, if the mapping names them.
+fn limb_groups(mapping: &ImuMapping) -> Result<String> {
+    let Some(name) = &mapping.flight.muscles else {
+        return Ok(String::new());
+    };
+    match MuscleModel::from_name(name) {
+        Some(_) => Ok(format!("muscles = {name:?}\n")),
+        None => Err(
+            Problem::unknown("limb groups", name, MODELS.map(|(name, _)| name))
+                .at("field flight.muscles"),
+        ),
+    }
+}
+
+/// The doubted sensors and the errors of the segments, as tables of `flight.toml`.
+fn suit_table(worn: &Worn) -> String {
+    let mut text = String::new();
+    let doubted: Vec<&str> = worn.doubted.iter().map(|segment| segment.name()).collect();
+    if !doubted.is_empty() {
         // Writing to a String cannot fail.
+        let _ = writeln!(text, "\n[suit]\ndoubted = {doubted:?}");
+    }
+    text += "\n[suit.segments_deg]\n";
+    for (segment, deviation) in worn.deviation.iter().skip(1) {
         let _ = writeln!(text, "{} = {:.1}", segment.name(), deviation.to_degrees());
     }
     text

@@ -27,6 +27,12 @@ impl Doubts {
         self.said.push(said);
     }
 
+    /// The segments whose sensors something has been said of, each once, in the order of the core.
+    pub(super) fn of(&self) -> Vec<Segment> {
+        let all = Segment::ALL.into_iter();
+        all.filter(|segment| self.concerns(*segment)).collect()
+    }
+
     /// Whether something has been said of a segment's sensor.
     fn concerns(&self, segment: Segment) -> bool {
         self.segments.contains(&segment)
@@ -129,6 +135,23 @@ impl Doubts {
                 limit.to_degrees()
             ));
         }
+    }
+
+    /// The sensor on the pelvis, with which the flight ends, ended before the others by this time (s). That is remarked if
+    /// nobody says how long the flight was: sensors are switched off one after another.
+    pub(super) fn ended(&mut self, early_s: f64, is_end_given: bool) -> Option<String> {
+        if early_s <= LONG_GAP {
+            return None;
+        }
+        if is_end_given {
+            self.add(&[Segment::Pelvis], format!(
+                "the sensor pelvis sends nothing for the last {early_s:.1} s of the flight, which ends with it"
+            ));
+            return None;
+        }
+        Some(format!(
+            "the sensor pelvis ends {early_s:.1} s before the others, and the flight with it: if it was not over by then, the sensor died"
+        ))
     }
 
     /// Joints beyond their range. A sensor that is part of two of them is the one that moved.

@@ -141,6 +141,10 @@ pub struct FlightWindow {
     pub end_s: Option<f64>,
     /// A receiver's track of the flight, whose velocities the flight then has. Relative to the mapping's folder.
     pub gnss: Option<PathBuf>,
+    /// How long after the first row of that track the flight begins (s); otherwise it is found.
+    pub gnss_begin_s: Option<f64>,
+    /// Limb groups that muscle input acts on, as `muscles` of a `flight.toml`.
+    pub muscles: Option<String>,
 }
 
 /// One sensor.

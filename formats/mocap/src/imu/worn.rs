@@ -44,6 +44,8 @@ pub struct Worn {
     pub notes: Vec<String>,
     /// Faults of sensors.
     pub doubts: Vec<String>,
+    /// The segments whose sensors they concern.
+    pub doubted: Vec<Segment>,
 }
 
 /// Reads all sensors of a mapping from a folder or a file.
@@ -149,12 +151,15 @@ pub fn worn(
     doubts.read(mapping, sensors, window);
     doubts.failed(suit.faults());
     doubts.bent(&joints.bent);
+    let is_end_given = mapping.flight.end_s.is_some();
+    notes.extend(doubts.ended(early(mapping, sensors), is_end_given));
     let flown = frames.len().max(1) as f64;
     let stated = squares.map(|_, square| (square / flown).sqrt());
     Ok(Worn {
         rate_hz,
         deviation: doubts.widened(&stated),
         pelvis_place: calibrated.pelvis_place(),
+        doubted: doubts.of(),
         doubts: doubts.said,
         frames,
         notes,
@@ -209,6 +214,17 @@ fn flight(
         return Err(Problem::bad_input(message).at("table flight"));
     }
     Ok([begin, until])
+}
+
+/// How long before most of the others the sensor on the pelvis ends (s), if it ends the flight.
+fn early(mapping: &ImuMapping, sensors: &[(Segment, &Stream)]) -> f64 {
+    let end_of = |(_, stream): &(Segment, &Stream)| stream.span()[1];
+    let pelvis = sensors.iter().find(|(s, _)| *s == Segment::Pelvis);
+    let mut ends: Vec<f64> = sensors.iter().map(end_of).collect();
+    ends.sort_by(f64::total_cmp);
+    let usual = ends.get(ends.len() / 2).copied().unwrap_or(0.0);
+    let until = mapping.flight.end_s.unwrap_or(usual).min(usual);
+    pelvis.map_or(0.0, |pelvis| until - end_of(pelvis))
 }
 
 /// The usual rate of the sensors, within the range for postures.
