@@ -55,7 +55,7 @@ fn bits(pair: &Pair) -> Vec<u64> {
 
 fn assert_together_as_alone(variants: &[Variant], frames: &[FlightFrame]) -> Vec<Option<String>> {
     let mut together = vec![Vec::new(); variants.len()];
-    let diverged = fly(frames, variants, |index, pair| {
+    let diverged = fly(frames, variants, &mut |index, pair| {
         together[index].extend(bits(&pair));
     });
     let diverged = diverged.expect("flown");
@@ -168,8 +168,12 @@ fn a_variant_that_diverges_leaves_the_others_as_they_are() {
 
 #[test]
 fn nothing_to_fly_is_no_error() {
-    assert!(fly(&frames(1), &[], |_, _| ()).expect("nothing").is_empty());
+    assert!(
+        fly(&frames(1), &[], &mut |_, _| ())
+            .expect("nothing")
+            .is_empty()
+    );
     let variants = variants(&bare(), |_| ());
-    let problem = fly(&frames(1)[..1], &variants, |_, _| ()).expect_err("one frame");
+    let problem = fly(&frames(1)[..1], &variants, &mut |_, _| ()).expect_err("one frame");
     assert!(problem.to_string().contains("two frames"), "{problem}");
 }

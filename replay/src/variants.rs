@@ -42,6 +42,8 @@ pub struct Variant {
 /// Flies variants of a flight over the same frames, in double precision. `see` is called with the index of a variant and
 /// what is compared, in the order of the frames.
 ///
+/// Not generic, so that the formulas are compiled here, for speed, and not in each crate that calls this.
+///
 /// Returns for each variant why its simulation means nothing, if it diverges; it is then compared with its last plausible
 /// motion.
 ///
@@ -50,7 +52,7 @@ pub struct Variant {
 pub fn fly(
     frames: &[FlightFrame],
     variants: &[Variant],
-    mut see: impl FnMut(usize, Pair),
+    see: &mut dyn FnMut(usize, Pair),
 ) -> Result<Vec<Option<String>>> {
     let (mut together, mut alone) = (Vec::new(), Vec::new());
     for (index, variant) in variants.iter().enumerate() {
@@ -65,9 +67,9 @@ pub fn fly(
             alone.push(member);
         }
     }
-    fly_together(&mut together, frames, &mut see)?;
+    fly_together(&mut together, frames, see)?;
     for member in &mut alone {
-        fly_alone(member, frames, &mut see)?;
+        fly_alone(member, frames, see)?;
     }
     let mut diverged = vec![None; variants.len()];
     for member in together.iter().chain(&alone) {
@@ -119,7 +121,7 @@ impl Member<'_> {
 fn fly_alone(
     member: &mut Member<'_>,
     frames: &[FlightFrame],
-    see: &mut impl FnMut(usize, Pair),
+    see: &mut dyn FnMut(usize, Pair),
 ) -> Result<()> {
     for (k, frame) in frames.iter().enumerate().skip(1) {
         if k.is_multiple_of(FRAMES_WITHOUT_CHECK) {
@@ -135,7 +137,7 @@ fn fly_alone(
 fn fly_together(
     members: &mut [Member<'_>],
     frames: &[FlightFrame],
-    see: &mut impl FnMut(usize, Pair),
+    see: &mut dyn FnMut(usize, Pair),
 ) -> Result<()> {
     let (Some(first), Some(start)) = (members.first(), frames.first()) else {
         return Ok(());

@@ -194,7 +194,7 @@ pub fn sensitivity(
         dynamics,
     };
     let mut plain = Run::new();
-    let diverged = fly(&frames, &[unvaried], |_, pair| {
+    let diverged = fly(&frames, &[unvaried], &mut |_, pair| {
         plain.push((pair.time, pair.simulated));
     })?;
     let diverged = diverged.into_iter().flatten().next();
@@ -229,7 +229,7 @@ pub fn sensitivity(
         let varied: Vec<Variant> = varied.collect();
         let mut change = vec![Comparison::default(); some.len()];
         let mut at = vec![plain.iter(); some.len()];
-        let diverged = fly(&frames, &varied, |index, pair| {
+        let diverged = fly(&frames, &varied, &mut |index, pair| {
             if let Some((time, unvaried)) = at[index].next() {
                 change[index].push(against(*time, unvaried, pair.simulated));
             }

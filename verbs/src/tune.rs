@@ -151,7 +151,7 @@ impl<'a> Loaded<'a> {
     fn fly_all<'b>(&self, candidates: impl Iterator<Item = &'b Candidate>) -> Result<Vec<Flown>> {
         let variants: Vec<Variant> = candidates.map(|one| self.varied(one)).collect();
         let mut compared = vec![Comparison::default(); variants.len()];
-        let diverged = fly(&self.frames, &variants, |index, pair| {
+        let diverged = fly(&self.frames, &variants, &mut |index, pair| {
             compared[index].push(pair);
         })?;
         let flown = compared.into_iter().zip(diverged);

@@ -75,16 +75,27 @@ impl<T: Real> FreeRun<T> {
         let present = self.posture;
         crossed(&present, next, duration, |step| {
             let sample = dynamics.between(&step.from, &step.to, step.duration);
-            let end = time + step.end;
-            let half = step.duration * T::of(0.5);
-            let begin = end - step.duration;
-            self.flight
-                .push(dynamics, loads, (&step.from, &sample), begin, half);
-            self.flight.step(dynamics, &sample, inputs, step.duration);
-            self.flight
-                .push(dynamics, loads, (&step.to, &sample), end, half);
+            self.cross((loads, time), dynamics, inputs, (step, &sample));
         });
         self.posture = *next;
+    }
+
+    /// Takes one step of [`FreeRun::advance_under`] with its sample; the present posture stays.
+    pub fn cross(
+        &mut self,
+        (loads, time): (&AppliedLoads<T>, T),
+        dynamics: &Dynamics<T>,
+        inputs: &Inputs<T>,
+        (step, sample): (&Crossing<T>, &PostureSample<T>),
+    ) {
+        let end = time + step.end;
+        let half = step.duration * T::of(0.5);
+        let begin = end - step.duration;
+        self.flight
+            .push(dynamics, loads, (&step.from, sample), begin, half);
+        self.flight.step(dynamics, sample, inputs, step.duration);
+        self.flight
+            .push(dynamics, loads, (&step.to, sample), end, half);
     }
 
     /// Returns the motion in the present posture, whose joints move at `rate`.

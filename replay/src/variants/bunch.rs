@@ -115,7 +115,7 @@ impl<T: Lanes<Element = f64>> Bunch<T> {
         posed: &Posed<T>,
         members: &mut [Member<'_>],
         (time, measured): (f64, Observation<f64>),
-        see: &mut impl FnMut(usize, Pair),
+        see: &mut dyn FnMut(usize, Pair),
     ) -> Result<()> {
         let all = self.state.motion(&posed.sample);
         for (lane, member) in members.iter_mut().enumerate() {
