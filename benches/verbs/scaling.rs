@@ -9,7 +9,7 @@ use crate::cost::Program;
 const LENGTHS: [u32; 4] = [1, 10, 100, 1000];
 const ROWS: [u32; 4] = [1000, 10_000, 100_000, 1_000_000];
 
-/// Numbers of flights (bodies) of a second, and effects that act in one flight of ten seconds.
+/// Numbers of flights (bodies) of two seconds, and effects that act in one flight of ten seconds.
 const FLIGHTS: [u32; 4] = [1, 10, 100, 1000];
 const EFFECTS: [&str; 3] = [
     "wind",
@@ -64,11 +64,11 @@ pub(crate) fn print(program: &Program) {
 
     let flights = FLIGHTS.map(|flights| {
         program.seconds(
-            &format!("hide clean --flights {flights} --duration 1 --out many --force"),
+            &format!("hide clean --flights {flights} --duration 2 --out many --force"),
             1,
         )
     });
-    row("hide --duration 1", "flights", &texts(&FLIGHTS), &flights);
+    row("hide --duration 2", "flights", &texts(&FLIGHTS), &flights);
 
     let effects = EFFECTS.map(|effects| {
         program.seconds(

@@ -28,7 +28,7 @@ use crate::aerodynamics::{Aerodynamics, BELLY_TURN_DAMPING, Flow, Loads, expose}
 use crate::air::{Air, GRAVITY};
 use crate::axis::AxisCoefficients;
 use crate::body::mass_properties::{MassMotion, MassProperties, PostureRate};
-use crate::body::posture::{Posture, pose};
+use crate::body::posture::{PosedSegment, Posture, pose};
 use crate::body::{Body, SegmentArray};
 use crate::frame::{Body as BodyFrame, Inertial, Rotation, Vector};
 use crate::math::{Lanes, Real, inverse_symmetric_or};
@@ -128,8 +128,8 @@ impl<T: Lanes> Dynamics<T> {
         duration: T,
         sample: &mut PostureSample<T>,
     ) {
-        let middle = from.interpolated(to, T::of(0.5));
-        self.sample_into(&middle, &PostureRate::between(from, to, duration), sample);
+        let (middle, rate) = middle_of(from, to, duration);
+        self.sample_into(&middle, &rate, sample);
     }
 
     /// Fills `sample` with the aerodynamics of the posture that the body had [`Stream::lag`] earlier. Kept out of line
@@ -168,11 +168,46 @@ impl<T: Lanes> Dynamics<T> {
         if self.stream.lag != T::zero() {
             return self.late_sample_into(posture, rate, sample);
         }
+        let posed = self.pose_into(posture, rate, sample);
+        self.expose_into(&posed, sample);
+    }
+
+    /// Sets all of `sample` but the aerodynamics, and returns the posed body, which [`Dynamics::expose_into`] needs for
+    /// these.
+    #[inline]
+    pub fn pose_into(
+        &self,
+        posture: &Posture<T>,
+        rate: &PostureRate<T>,
+        sample: &mut PostureSample<T>,
+    ) -> SegmentArray<PosedSegment<T>> {
         let posed = pose(&self.body, posture);
         sample.set_mass(MassMotion::with_properties(&self.body, &posed, rate));
-        let aerodynamics = &mut sample.aerodynamics;
-        aerodynamics.expose(&self.body, &posed, &self.aerodynamics);
+        posed
     }
+
+    /// Sets the aerodynamics of `sample`, without [`Stream::lag`].
+    #[inline]
+    pub fn expose_into(
+        &self,
+        posed: &SegmentArray<PosedSegment<T>>,
+        sample: &mut PostureSample<T>,
+    ) {
+        let aerodynamics = &mut sample.aerodynamics;
+        aerodynamics.expose(&self.body, posed, &self.aerodynamics);
+    }
+}
+
+/// Returns the posture and the joint rates that stand for an interval of `duration` (s) between two postures, see
+/// [`Dynamics::between`].
+#[inline]
+pub fn middle_of<T: Lanes>(
+    from: &Posture<T>,
+    to: &Posture<T>,
+    duration: T,
+) -> (Posture<T>, PostureRate<T>) {
+    let middle = from.interpolated(to, T::of(0.5));
+    (middle, PostureRate::between(from, to, duration))
 }
 
 /// Everything that depends on the posture alone, in body axes; shared by all runs over the same interval.

@@ -51,7 +51,7 @@
 //! head ([`frame`]). Names of rotations read from right to left: `inertial_from_body * vector_in_body`. Coefficients
 //! about the body axes are in the order pitch, yaw, roll ([`AxisCoefficients`]). Models are generic over [`Real`]:
 //! `f32` on the unit, `f64` for reference runs. Bodies, postures, loads, steps and observations are generic over
-//! [`Lanes`], which also stands for several bodies side by side (feature `lanes`: four in single precision).
+//! [`Lanes`], which also stands for several bodies side by side (feature `lanes`: four).
 //!
 //! The crate's `examples` folder has four programs: `fall`, `turn`, `estimate` and `decode`.
 #![no_std]

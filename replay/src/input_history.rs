@@ -323,6 +323,13 @@ impl InputHistory {
         }
     }
 
+    /// Whether another history names the same limbs and forces at the same times.
+    pub(crate) fn has_muscles_of(&self, other: &Self) -> bool {
+        let row = |row: &InputRow| (row.time_s.to_bits(), row.muscles, row.muscle_forces);
+        let (own, others) = (self.rows.iter().map(row), other.rows.iter().map(row));
+        own.eq(others)
+    }
+
     /// Returns the limb groups that muscle input acts on at `time` (s): those of the latest row, or `flight`'s if that
     /// row gives none. Before the first row, the first row applies.
     pub fn muscles_at(&self, time: f64, flight: &MuscleModel) -> MuscleModel {

@@ -15,11 +15,13 @@ pub mod person;
 mod precision;
 pub mod preset_file;
 pub mod recorded;
+mod side_by_side;
 pub mod start;
 pub mod steps;
 pub mod subject;
 pub mod support;
 mod tolerances;
+pub mod variants;
 
 pub use precision::Precision;
 

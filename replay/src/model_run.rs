@@ -4,9 +4,10 @@
 
 use bodyflight_core::body::mass_properties::PostureRate;
 use bodyflight_core::dynamics::applied_load::AppliedLoads;
+use bodyflight_core::dynamics::equations_of_motion::Flight as RunState;
 use bodyflight_core::dynamics::free_run::{Equations, FreeRun};
 use bodyflight_core::dynamics::muscle_input::MuscleModel;
-use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
 use bodyflight_core::effect::Model;
 use bodyflight_core::{Posture, Real};
 
@@ -74,6 +75,17 @@ impl ModelRun {
         match self {
             Self::Single(run) => run.advance(since_start, inputs, posture, duration),
             Self::Double(run) => run.advance(since_start, inputs, posture, duration),
+        }
+    }
+
+    /// The state of a run in double precision by the exact equations.
+    pub(crate) fn state(&self) -> Option<&State<f64>> {
+        match self {
+            Self::Double(run) => match run.run.flight() {
+                RunState::Exact(state) => Some(state),
+                RunState::AsPublished(_) => None,
+            },
+            Self::Single(_) => None,
         }
     }
 

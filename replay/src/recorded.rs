@@ -6,8 +6,8 @@
 
 use bodyflight_core::body::mass_properties::{MassMotion, PostureRate};
 use bodyflight_core::dynamics::applied_load::AppliedLoads;
-use bodyflight_core::dynamics::free_run::{Equations, FreeRun};
-use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, State};
+use bodyflight_core::dynamics::free_run::{Crossing, Equations, FreeRun, crossed};
+use bodyflight_core::dynamics::{Dynamics, Inputs, Motion, PostureSample, State};
 use bodyflight_core::flight_sample::FlightSample;
 use nalgebra::Vector3;
 
@@ -133,6 +133,28 @@ impl Recorded {
         motions
     }
 
+    /// Prepares runs of the complete model from frame `first` to `last`.
+    pub(crate) fn shared(&self, [first, last]: [usize; 2], equations: Equations) -> Shared<'_> {
+        let frames = (first + 1..=last).map(|frame| {
+            let duration = self.samples[frame].time - self.samples[frame - 1].time;
+            let [from, to] = [frame - 1, frame].map(|frame| &self.samples[frame].posture);
+            let mut steps = Vec::new();
+            crossed(from, to, duration, |step| {
+                let sample = self.dynamics.between(&step.from, &step.to, step.duration);
+                steps.push((*step, sample));
+            });
+            let mut present = PostureSample::blank();
+            self.dynamics.pose_into(to, &self.rate(frame), &mut present);
+            Reached { steps, present }
+        });
+        Shared {
+            recorded: self,
+            first,
+            equations,
+            frames: frames.collect(),
+        }
+    }
+
     /// The posture changes, and the inertia with it, but the motion of the limbs carries no momentum.
     fn run_without_limb_momentum(
         &self,
@@ -165,5 +187,91 @@ impl Recorded {
             .partition_point(|sample| sample.time <= end)
             .saturating_sub(1)
             .max(first)
+    }
+}
+
+/// A frame as runs reach it.
+struct Reached {
+    /// The steps that lead to it.
+    steps: Vec<(Crossing<f64>, PostureSample<f64>)>,
+    /// The sample of its posture, without aerodynamics.
+    present: PostureSample<f64>,
+}
+
+/// Runs of the complete model over the same frames from different starts, which share the samples of the postures.
+pub(crate) struct Shared<'a> {
+    recorded: &'a Recorded,
+    first: usize,
+    equations: Equations,
+    /// The frames after the first.
+    frames: Vec<Reached>,
+}
+
+impl Shared<'_> {
+    /// The motions of [`Recorded::run`].
+    pub(crate) fn run(&self, start: &Motion<f64>) -> Vec<Motion<f64>> {
+        let (recorded, dynamics) = (self.recorded, &self.recorded.dynamics);
+        let posture = &recorded.samples[self.first].posture;
+        let rate = recorded.rate(self.first);
+        let mut run = FreeRun::new(dynamics, self.equations, start, posture, &rate);
+        let mut motions = vec![*start];
+        for (reached, before) in self.frames.iter().zip(&recorded.samples[self.first..]) {
+            let loads = (&recorded.applied, before.time - recorded.samples[0].time);
+            for (step, sample) in &reached.steps {
+                run.cross(loads, dynamics, &recorded.inputs, (step, sample));
+            }
+            motions.push(run.flight().motion(&reached.present));
+        }
+        motions
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bodyflight_core::body::pattern;
+    use bodyflight_core::frame::{Rotation, Vector};
+    use bodyflight_core::{Posture, Segment};
+    use nalgebra::UnitQuaternion;
+
+    #[test]
+    fn runs_that_share_samples_have_the_bits_of_each_alone() {
+        let belly = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.5);
+        let motion = Motion {
+            inertial_from_body: Rotation::from_quaternion(belly),
+            position: Vector::zero(),
+            velocity: Vector::new(0.3, -46.0, 2.0),
+            angular_velocity: Vector::new(0.1, 0.2, -0.4),
+        };
+        let posture = |time: f64| -> Posture<f64> {
+            pattern::neutral().with_angles(Segment::LeftUpperArm, 0.0, 1.57, 0.2 + time)
+        };
+        let samples = (0..9_u32).map(|frame| {
+            let time = f64::from(frame) / 60.0;
+            FlightSample {
+                time,
+                posture: posture(time),
+                motion,
+            }
+        });
+        let subject = crate::subject::Subject::default();
+        for equations in [Equations::Exact, Equations::AsPublished] {
+            let mut recorded = Recorded {
+                samples: samples.clone().collect(),
+                dynamics: Dynamics::paper(subject.body(), 1.0),
+                inputs: Inputs::belly_turn(),
+                applied: AppliedLoads::none(),
+            };
+            recorded.dynamics.stream.lag = 0.01;
+            let (shared, whole) = (
+                recorded.shared([2, 7], equations),
+                Variant::Whole(equations),
+            );
+            for speed in [40.0, 50.0] {
+                let mut start = motion;
+                start.velocity.components.y = -speed;
+                assert_eq!(shared.run(&start), recorded.run(2, 7, &start, whole));
+            }
+        }
     }
 }

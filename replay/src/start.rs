@@ -63,11 +63,9 @@ fn changed(motion: &Motion<f64>, numbers: &[f64]) -> Motion<f64> {
 fn residuals(
     recorded: &Recorded,
     [first, last]: [usize; 2],
-    start: &Motion<f64>,
-    variant: Variant,
+    simulated: &[Motion<f64>],
     noise: Noise,
 ) -> DVector<f64> {
-    let simulated = recorded.run(first, last, start, variant);
     let rows = simulated
         .iter()
         .zip(&recorded.samples[first..=last])
@@ -98,7 +96,18 @@ pub fn fitted(
     noise: Noise,
 ) -> Motion<f64> {
     let mut start = recorded.samples[first].motion;
-    let off = |start: &Motion<f64>| residuals(recorded, [first, last], start, variant, noise);
+    let frames = [first, last];
+    let shared = match variant {
+        Variant::Whole(equations) => Some(recorded.shared(frames, equations)),
+        Variant::WithoutLimbMomentum | Variant::FrozenPosture => None,
+    };
+    let off = |start: &Motion<f64>| {
+        let run = match &shared {
+            Some(shared) => shared.run(start),
+            None => recorded.run(first, last, start, variant),
+        };
+        residuals(recorded, frames, &run, noise)
+    };
     let mut here = off(&start);
     for _ in 0..STEPS {
         let columns: Vec<DVector<f64>> = (0..NUMBERS)

@@ -20,7 +20,8 @@ use bodyflight_replay::Precision;
 use bodyflight_replay::comparison::{Channel, Comparison, Pair, PerChannel};
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::input_history::{InputHistory, InputRow};
-use bodyflight_replay::steps::{Divergence, Replay, too_short};
+use bodyflight_replay::steps::too_short;
+use bodyflight_replay::variants::{Variant, fly};
 
 /// A parameter of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -167,6 +168,9 @@ impl Report {
     }
 }
 
+/// Variants that are flown at once: as many as there are lanes, since each has inputs for every frame.
+const SIDE_BY_SIDE: usize = 4;
+
 /// Simulates a flight's postures with each parameter increased and decreased by `share` (0.3 is 30 %). With
 /// `estimation`, also re-estimates the inputs each time.
 ///
@@ -185,7 +189,15 @@ pub fn sensitivity(
         return Err(too_short(&flight.recording));
     };
     let dynamics = flight.dynamics(first.pelvis.position.up());
-    let (plain, diverged) = fly(flight, &frames, dynamics, None)?;
+    let unvaried = Variant {
+        flight: flight.clone(),
+        dynamics,
+    };
+    let mut plain = Run::new();
+    let diverged = fly(&frames, &[unvaried], &mut |_, pair| {
+        plain.push((pair.time, pair.simulated));
+    })?;
+    let diverged = diverged.into_iter().flatten().next();
     let reconstruct = |varied: Option<(Parameter, f64)>| {
         let Some(preset) = estimation else {
             return Ok(None);
@@ -208,23 +220,38 @@ pub fn sensitivity(
         Ok(Some(estimation.report))
     };
     let unvaried = reconstruct(None)?;
+    let all = Parameter::ALL.iter();
+    let all = all.flat_map(|own| [1.0 - share, 1.0 + share].map(|factor| (*own, factor)));
+    let all: Vec<(Parameter, f64)> = all.collect();
     let mut effects = Vec::new();
-    for parameter in Parameter::ALL {
-        for factor in [1.0 - share, 1.0 + share] {
-            let (varied, diverged) = fly(flight, &frames, dynamics, Some((parameter, factor)))?;
+    for some in all.chunks(SIDE_BY_SIDE) {
+        let varied = some.iter().map(|of| varied(flight, &frames, dynamics, *of));
+        let varied: Vec<Variant> = varied.collect();
+        let mut change = vec![Comparison::default(); some.len()];
+        let mut at = vec![plain.iter(); some.len()];
+        let diverged = fly(&frames, &varied, &mut |index, pair| {
+            if let Some((time, unvaried)) = at[index].next() {
+                change[index].push(against(*time, unvaried, pair.simulated));
+            }
+        })?;
+        for (((parameter, factor), change), diverged) in some.iter().zip(change).zip(diverged) {
             effects.push(Effect {
-                parameter,
-                factor,
-                change: gap(&plain, &varied).rms(),
-                reconstruction: reconstruct(Some((parameter, factor)))?.map(|report| report.rms),
+                parameter: *parameter,
+                factor: *factor,
+                change: change.rms(),
+                reconstruction: reconstruct(Some((*parameter, *factor)))?.map(|report| report.rms),
                 diverged,
             });
             progress();
             interrupt::check()?;
         }
     }
+    let mut own = Comparison::default();
+    for (time, unvaried) in &plain {
+        own.push(against(*time, unvaried, *unvaried));
+    }
     Ok(Report {
-        amplitude: gap(&plain, &plain).amplitude(),
+        amplitude: own.amplitude(),
         effects,
         reconstruction: unvaried.as_ref().map(|report| report.rms),
         measured_amplitude: unvaried.as_ref().map(|report| report.amplitude),
@@ -233,47 +260,35 @@ pub fn sensitivity(
     })
 }
 
-/// Time and observation of the model's motion, frame by frame.
+/// Time and observation of the unvaried model's motion, frame by frame.
 type Run = Vec<(f64, Observation<f64>)>;
 
-fn fly(
+/// The flight with one parameter multiplied by a factor.
+fn varied(
     flight: &Flight,
     frames: &[FlightFrame],
     mut dynamics: Dynamics<f64>,
-    varied: Option<(Parameter, f64)>,
-) -> Result<(Run, Option<String>)> {
+    (parameter, factor): (Parameter, f64),
+) -> Variant {
     let mut flight = flight.clone();
-    if let Some((parameter, factor)) = varied {
-        parameter.vary(&mut dynamics, factor);
-        let factors = parameter.damping_factors(factor);
-        let rows = frames.iter().map(|frame| {
-            let mut inputs = flight.inputs_at(frame.time);
-            let damping = inputs.damping.to_array();
-            inputs.damping = std::array::from_fn(|axis| damping[axis] * factors[axis]).into();
-            InputRow::of(frame.time, &inputs)
-        });
-        flight.inputs = Some(InputHistory::new(rows.collect()));
-    }
-    let frames = frames.iter().copied().map(Ok);
-    let replay = Replay::with_dynamics(&flight, frames, Precision::Double, |_| dynamics)?;
-    let mut replay = replay.on_divergence(Divergence::Held);
-    let run: Result<Run> = replay
-        .by_ref()
-        .map(|step| step.map(|step| (step.time, step.pair.simulated)))
-        .collect();
-    Ok((run?, replay.diverged()))
+    parameter.vary(&mut dynamics, factor);
+    let factors = parameter.damping_factors(factor);
+    let rows = frames.iter().map(|frame| {
+        let mut inputs = flight.inputs_at(frame.time);
+        let damping = inputs.damping.to_array();
+        inputs.damping = std::array::from_fn(|axis| damping[axis] * factors[axis]).into();
+        InputRow::of(frame.time, &inputs)
+    });
+    flight.inputs = Some(InputHistory::new(rows.collect()));
+    Variant { flight, dynamics }
 }
 
-fn gap(plain: &Run, varied: &Run) -> Comparison {
-    let mut comparison = Comparison::default();
-    for ((time, measured), (_, simulated)) in plain.iter().zip(varied) {
-        comparison.push(Pair {
-            time: *time,
-            measured: *measured,
-            simulated: *simulated,
-        });
+fn against(time: f64, unvaried: &Observation<f64>, simulated: Observation<f64>) -> Pair {
+    Pair {
+        time,
+        measured: *unvaried,
+        simulated,
     }
-    comparison
 }
 
 /// Channels shown in tables.

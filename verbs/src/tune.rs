@@ -20,11 +20,11 @@ use rayon::prelude::*;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
 use bodyflight_mvnx::recording::{FlightFrame, Options, Warning};
-use bodyflight_replay::Precision;
 use bodyflight_replay::comparison::{Channel, Comparison};
 use bodyflight_replay::flight::Flight;
-use bodyflight_replay::steps::{DIVERGED_HELP, Divergence, Replay, too_short};
+use bodyflight_replay::steps::{DIVERGED_HELP, too_short};
 use bodyflight_replay::subject::CommonCoefficients;
+use bodyflight_replay::variants::{TOGETHER, Variant, fly};
 pub use report::{HeldOut, Report, SegmentBest};
 
 /// Gap (rad/s, m/s, m/s) that counts as 1 in each channel: the paper's own accuracy, section "Model Validation in
@@ -104,6 +104,15 @@ struct Flown {
     diverged: Option<String>,
 }
 
+impl Flown {
+    fn score(&self) -> f64 {
+        match self.diverged {
+            Some(_) => f64::INFINITY,
+            None => score(&self.comparison),
+        }
+    }
+}
+
 impl<'a> Loaded<'a> {
     fn read(flight: &'a Flight, options: Options) -> Result<Self> {
         let (frames, warnings) = flight.open(options)?.trusted(&flight.recording)?;
@@ -126,8 +135,8 @@ impl<'a> Loaded<'a> {
         warnings.map(move |warning| format!("{name}: {warning}"))
     }
 
-    /// Simulates the postures with other coefficients.
-    fn fly(&self, candidate: &Candidate) -> Result<Flown> {
+    /// The flight with other coefficients.
+    fn varied(&self, candidate: &Candidate) -> Variant {
         let mut dynamics = self.dynamics;
         let guess = self.flight.subject.common_coefficients();
         for (segment, own) in dynamics.aerodynamics.coefficients.iter_mut() {
@@ -135,20 +144,31 @@ impl<'a> Loaded<'a> {
         }
         let mut flight = self.flight.clone();
         flight.subject.set_damping(candidate.common.damp.into());
-        let frames = self.frames.iter().copied().map(Ok);
-        let mut comparison = Comparison::default();
-        let replay = Replay::with_dynamics(&flight, frames, Precision::Double, |_| dynamics)?;
-        let mut replay = replay.on_divergence(Divergence::Held);
-        for step in replay.by_ref() {
-            comparison.push(step?.pair);
-            if comparison.count().is_multiple_of(1024) {
-                interrupt::check()?;
-            }
-        }
-        Ok(Flown {
+        Variant { flight, dynamics }
+    }
+
+    /// Simulates the postures with each set of coefficients.
+    fn fly_all<'b>(&self, candidates: impl Iterator<Item = &'b Candidate>) -> Result<Vec<Flown>> {
+        let variants: Vec<Variant> = candidates.map(|one| self.varied(one)).collect();
+        let mut compared = vec![Comparison::default(); variants.len()];
+        let diverged = fly(&self.frames, &variants, &mut |index, pair| {
+            compared[index].push(pair);
+        })?;
+        let flown = compared.into_iter().zip(diverged);
+        let flown = flown.map(|(comparison, diverged)| Flown {
             comparison,
-            diverged: replay.diverged(),
-        })
+            diverged,
+        });
+        Ok(flown.collect())
+    }
+
+    /// Simulates the postures with other coefficients.
+    fn fly(&self, candidate: &Candidate) -> Result<Flown> {
+        let flown = self.fly_all(std::iter::once(candidate))?;
+        flown
+            .into_iter()
+            .next()
+            .ok_or_else(|| too_short(&self.flight.recording))
     }
 
     /// The same for coefficients from which a search starts.
@@ -201,19 +221,24 @@ pub fn tune(
     for draws in rounds(search) {
         let candidates = draw(&best, search.per_segment, spread, draws, &mut random);
         spread = (spread * NARROWER).max(search.spread * NARROWEST);
+        let together = TOGETHER.min(draws.div_ceil(rayon::current_num_threads()));
         let found = candidates
-            .par_iter()
+            .par_chunks(together.max(1))
             .enumerate()
             .filter(|_| !interrupt::requested())
-            .filter_map(|(index, candidate)| {
-                let score = total_score(&used, candidate);
-                // An incomplete draw has no score.
+            .filter_map(|(chunk, candidates)| {
+                let scores = scores(&used, candidates);
+                // Incomplete draws have no score.
                 if interrupt::requested() {
                     return None;
                 }
-                flown.fetch_add(1, Ordering::Relaxed);
-                progress();
-                Some((score.unwrap_or(f64::INFINITY), index, *candidate))
+                flown.fetch_add(candidates.len(), Ordering::Relaxed);
+                candidates.iter().for_each(|_| progress());
+                let scored = scores.into_iter().zip(candidates).enumerate();
+                let scored = scored.map(|(index, (score, candidate))| {
+                    (score, chunk * together + index, *candidate)
+                });
+                scored.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
             })
             .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         if let Some((score, _, candidate)) = found.filter(|found| found.0 < score_after) {
@@ -352,17 +377,19 @@ fn draw(
         .collect()
 }
 
-/// The score of a draw over all flights. One that diverges on any has lost.
-fn total_score(flights: &[Loaded<'_>], candidate: &Candidate) -> Result<f64> {
-    let scores = flights.iter().map(|flight| {
-        let flown = flight.fly(candidate)?;
-        Ok(if flown.diverged.is_some() {
-            f64::INFINITY
-        } else {
-            score(&flown.comparison)
+/// The score of each draw over all flights. One that diverges on any, or cannot be flown, has lost.
+fn scores(flights: &[Loaded<'_>], candidates: &[Candidate]) -> Vec<f64> {
+    let lost = || vec![f64::INFINITY; candidates.len()];
+    let of_flights: Vec<Vec<f64>> = flights
+        .iter()
+        .map(|flight| {
+            let flown = flight.fly_all(candidates.iter());
+            flown.map_or_else(|_| lost(), |flown| flown.iter().map(Flown::score).collect())
         })
-    });
-    Ok(total(scores.collect::<Result<Vec<f64>>>()?.into_iter()))
+        .collect();
+    (0..candidates.len())
+        .map(|draw| total(of_flights.iter().map(|scores| scores[draw])))
+        .collect()
 }
 
 /// Root mean square of the flights' scores.

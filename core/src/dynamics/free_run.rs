@@ -72,37 +72,85 @@ impl<T: Real> FreeRun<T> {
         next: &Posture<T>,
         duration: T,
     ) {
-        let steps = steps_for(duration.to_f64());
-        let share = T::one() / T::of(f64::from(steps));
-        let mut from = self.posture;
-        for step in 1..=steps {
-            let to = if step == steps {
-                *next
-            } else {
-                self.posture
-                    .interpolated(next, share * T::of(f64::from(step)))
-            };
-            let part = duration * share;
-            let sample = dynamics.between(&from, &to, part);
-            let end = time + part * T::of(f64::from(step));
-            let half = part * T::of(0.5);
-            self.flight
-                .push(dynamics, loads, (&from, &sample), end - part, half);
-            self.flight.step(dynamics, &sample, inputs, part);
-            self.flight.push(dynamics, loads, (&to, &sample), end, half);
-            from = to;
-        }
+        let present = self.posture;
+        crossed(&present, next, duration, |step| {
+            let sample = dynamics.between(&step.from, &step.to, step.duration);
+            self.cross((loads, time), dynamics, inputs, (step, &sample));
+        });
         self.posture = *next;
+    }
+
+    /// Takes one step of [`FreeRun::advance_under`] with its sample; the present posture stays.
+    pub fn cross(
+        &mut self,
+        (loads, time): (&AppliedLoads<T>, T),
+        dynamics: &Dynamics<T>,
+        inputs: &Inputs<T>,
+        (step, sample): (&Crossing<T>, &PostureSample<T>),
+    ) {
+        let end = time + step.end;
+        let half = step.duration * T::of(0.5);
+        let begin = end - step.duration;
+        self.flight
+            .push(dynamics, loads, (&step.from, sample), begin, half);
+        self.flight.step(dynamics, sample, inputs, step.duration);
+        self.flight
+            .push(dynamics, loads, (&step.to, sample), end, half);
     }
 
     /// Returns the motion in the present posture, whose joints move at `rate`.
     pub fn motion(&self, dynamics: &Dynamics<T>, rate: &PostureRate<T>) -> Motion<T> {
-        self.flight.motion(&self.present(dynamics, rate))
+        // The motion does not depend on the air.
+        let mut sample = PostureSample::blank();
+        dynamics.pose_into(&self.posture, rate, &mut sample);
+        self.flight.motion(&sample)
     }
 
-    /// Returns the sample of the present posture, whose joints move at `rate`.
-    pub fn present(&self, dynamics: &Dynamics<T>, rate: &PostureRate<T>) -> PostureSample<T> {
-        dynamics.sample(&self.posture, rate)
+    /// Returns the flight at the present posture.
+    pub const fn flight(&self) -> &Flight<T> {
+        &self.flight
+    }
+}
+
+/// One of the steps from one posture to the next.
+#[derive(Debug, Clone, Copy)]
+pub struct Crossing<T: Real> {
+    /// Posture at its start.
+    pub from: Posture<T>,
+    /// Posture at its end.
+    pub to: Posture<T>,
+    /// Its duration (s).
+    pub duration: T,
+    /// Its end (s), since the first of the steps began.
+    pub end: T,
+}
+
+/// Crosses a gap of `duration` (s) between two postures in steps of [`TIME_STEP`] or less, for gaps of up to 1 s.
+#[inline]
+pub fn crossed<T: Real>(
+    from: &Posture<T>,
+    to: &Posture<T>,
+    duration: T,
+    mut take: impl FnMut(&Crossing<T>),
+) {
+    let steps = steps_for(duration.to_f64());
+    let share = T::one() / T::of(f64::from(steps));
+    let mut reached = *from;
+    for step in 1..=steps {
+        let number = T::of(f64::from(step));
+        let next = if step == steps {
+            *to
+        } else {
+            from.interpolated(to, share * number)
+        };
+        let part = duration * share;
+        take(&Crossing {
+            from: reached,
+            to: next,
+            duration: part,
+            end: part * number,
+        });
+        reached = next;
     }
 }
 
