@@ -116,15 +116,13 @@ fn a_figure_has_the_format_of_its_name() {
         "--out",
         &report,
     ]);
-    // The report shows SVG, so it is there whatever else is asked for.
+    // SVG is there whatever else is asked for.
     for format in formats.split(',').chain(["svg"]) {
-        let file = place.path(&format!("report/layouts.{format}"));
-        let bytes = std::fs::read(&file).expect("the figure");
-        let mut kind = kinds.iter().filter(|kind| kind.0.ends_with(format));
-        let (_, begin) = kind.next().expect("a kind");
-        assert!(bytes.starts_with(begin), "{}", file.display());
+        let bytes = std::fs::read(place.path(&format!("report/layouts.{format}")));
+        let mut kinds = kinds.iter().filter(|kind| kind.0.ends_with(format));
+        assert!(kinds.all(|kind| bytes.as_ref().is_ok_and(|bytes| bytes.starts_with(kind.1))));
     }
-    std::fs::remove_file(place.path("report/report.md")).expect("removed");
+    std::fs::remove_file(place.path("report/report.md")).expect("a report");
     let message = fails(&["reproduce", "layouts", "--out", &report], 2);
     assert!(
         message.contains("layouts.svg") && message.contains("--force"),

@@ -13,6 +13,7 @@ use crate::forward::STRIDE;
 use crate::report::{JointErrorSource, Report};
 use crate::run::Run;
 use crate::size::{Size, Sizes};
+use crate::verdict::Doubts;
 use crate::whole::Expected;
 use bodyflight_io::diagnostic::Result;
 use bodyflight_io::progress;
@@ -40,23 +41,6 @@ const IMPLAUSIBLE: [f64; 2] = [5.7, 3.0];
 /// taken as linear, so what that leaves grows with the square of the errors. Chosen on flights of the bench of error bars,
 /// seeds 601 and 602. Bars of flights with constant errors need no growth.
 const NOT_LINEAR: f64 = 0.0125;
-
-/// What joint errors of a size that was found say of the filter's estimates.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Doubts {
-    /// Least doubt of each estimate.
-    pub(crate) least: Consistency,
-    /// Factor on the deviations of muscle input.
-    pub(crate) muscle: f64,
-}
-
-impl Doubts {
-    /// Nothing to add to what the filter states.
-    pub(crate) const NONE: Self = Self {
-        least: Consistency::Consistent,
-        muscle: 1.0,
-    };
-}
 
 /// The joint errors of a flight, and what is found with them.
 #[derive(Debug, Clone, Copy)]

@@ -10,12 +10,13 @@ use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset};
 use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::reduced::Reduced;
 
-use crate::joint_errors::{Doubts, JointErrors, joint_errors};
+use crate::joint_errors::{JointErrors, joint_errors};
 use crate::measured::MeasuredFlight;
 use crate::replayed::Replayed;
 
 use crate::run::{Points, Run};
 use crate::size::Sizes;
+use crate::verdict::Doubts;
 use crate::{Estimation, Filter};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::progress;

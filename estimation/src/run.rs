@@ -15,11 +15,10 @@ use bodyflight_core::estimator::propagation::Propagation;
 use bodyflight_core::flight_sample::FlightSample;
 
 use crate::forward::{STRIDE, Sample};
-use crate::joint_errors::Doubts;
 use crate::report::{Flags, Point, Watched};
 use crate::size::Sizes;
 use crate::velocities::Velocities;
-use crate::verdict::Collector;
+use crate::verdict::{Collector, Doubts};
 use crate::whole::Whole;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::progress;

@@ -16,6 +16,23 @@ pub const LARGEST_SHARE: f64 = 0.25;
 /// Share of a channel's noise by which its gap may exceed that with constant coefficients and still count as chance.
 const WORSE: f64 = 0.5;
 
+/// What is known of a flight beforehand and adds to what the filter states.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Doubts {
+    /// Least doubt of each estimate.
+    pub(crate) least: Consistency,
+    /// Factor on the deviations of muscle input.
+    pub(crate) muscle: f64,
+}
+
+impl Doubts {
+    /// Nothing to add to what the filter states.
+    pub(crate) const NONE: Self = Self {
+        least: Consistency::Consistent,
+        muscle: 1.0,
+    };
+}
+
 /// How consistent an estimation was.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]

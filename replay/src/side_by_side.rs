@@ -1,5 +1,8 @@
 //! The model beside a recording, frame by frame.
 
+use std::path::Path;
+
+use bodyflight_core::Posture;
 use bodyflight_core::dynamics::muscle_input::MuscleModel;
 use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
 use bodyflight_core::effect::Model;
@@ -11,7 +14,6 @@ use super::model_run::{ModelRun, PostureChange};
 use super::motion_history::MotionHistory;
 use super::recorded::Recorded;
 use super::start::first_motion;
-use super::steps::{DIVERGED_HELP, Divergence, Step, too_short};
 use crate::Precision;
 use crate::flight::Flight;
 use crate::joint_change::{JointChange, changed};
@@ -28,6 +30,37 @@ const LARGEST_SPEED: f64 = 1e4;
 /// air were at 380 m/s, and the fastest spins of bodies in them at 20 rad/s.
 const IMPLAUSIBLE_SPEED: f64 = 400.0;
 const IMPLAUSIBLE_SPIN: f64 = 100.0;
+
+/// One frame of a replay: the recording and the model's response.
+#[derive(Debug, Clone, Copy)]
+pub struct Step {
+    /// Time since frame 0 (s).
+    pub time: f64,
+    /// Posture that the model flies: the recorded one, with the changes of joints if there are any.
+    pub posture: Posture<f64>,
+    /// Recorded motion of the pelvis.
+    pub measured: Motion<f64>,
+    /// Motion of the model, before its sensors.
+    pub simulated: Motion<f64>,
+    /// Conscious inputs up to this frame.
+    pub inputs: Inputs<f64>,
+    /// The compared pair: the recorded motion, and the model's motion as seen by its sensors.
+    pub pair: Pair,
+}
+
+/// What a replay does if the simulation diverges.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Divergence {
+    /// Stops with an error.
+    #[default]
+    Refused,
+    /// Continues, comparing with the last plausible motion.
+    Held,
+}
+
+/// What to check after a divergence.
+pub const DIVERGED_HELP: &str =
+    "check the inputs, the damping coefficients and the segment table of the subject";
 
 /// The model beside the recording; it does not depend on the source of the frames.
 pub(crate) struct SideBySide<'a> {
@@ -198,4 +231,9 @@ pub(crate) fn motion_of(flight: &Flight, frame: &FlightFrame) -> Result<Motion<f
     frame
         .motion()
         .map_err(|problem| problem.in_file(&flight.recording))
+}
+
+/// The error for a recording with fewer than two frames.
+pub fn too_short(recording: &Path) -> Problem {
+    Problem::bad_input("expected at least two frames of type \"normal\"").in_file(recording)
 }

@@ -2,48 +2,19 @@
 //! postures.
 
 use std::collections::VecDeque;
-use std::path::Path;
 
-use bodyflight_core::Posture;
-use bodyflight_core::dynamics::{Dynamics, Inputs, Motion};
+use bodyflight_core::dynamics::{Dynamics, Motion};
 use bodyflight_core::effect::Model;
 
-use super::comparison::Pair;
 use super::side_by_side::SideBySide;
+pub use super::side_by_side::{DIVERGED_HELP, Divergence, Step, too_short};
 use super::start::SMOOTHED_OVER;
 use crate::Precision;
 use crate::flight::{Flight, Start};
 use crate::frames::Frames;
 use crate::joint_change::JointChange;
-use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::diagnostic::Result;
 use bodyflight_mvnx::recording::{FlightFrame, Options, faults};
-
-/// One frame of a replay: the recording and the model's response.
-#[derive(Debug, Clone, Copy)]
-pub struct Step {
-    /// Time since frame 0 (s).
-    pub time: f64,
-    /// Posture that the model flies: the recorded one, with the changes of joints if there are any.
-    pub posture: Posture<f64>,
-    /// Recorded motion of the pelvis.
-    pub measured: Motion<f64>,
-    /// Motion of the model, before its sensors.
-    pub simulated: Motion<f64>,
-    /// Conscious inputs up to this frame.
-    pub inputs: Inputs<f64>,
-    /// The compared pair: the recorded motion, and the model's motion as seen by its sensors.
-    pub pair: Pair,
-}
-
-/// What a replay does if the simulation diverges.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Divergence {
-    /// Stops with an error.
-    #[default]
-    Refused,
-    /// Continues, comparing with the last plausible motion.
-    Held,
-}
 
 /// The steps of a flight, from the second frame on. `F` is the source of the frames.
 pub struct Replay<'a, F> {
@@ -205,10 +176,6 @@ impl<F: Iterator<Item = Result<FlightFrame>>> Iterator for Replay<'_, F> {
     }
 }
 
-/// What to check after a divergence.
-pub const DIVERGED_HELP: &str =
-    "check the inputs, the damping coefficients and the segment table of the subject";
-
 /// The first two frames, or as many as a smoothed start needs.
 pub(crate) fn first_frames(
     flight: &Flight,
@@ -230,9 +197,4 @@ pub(crate) fn first_frames(
         }
     }
     Ok(read)
-}
-
-/// The error for a recording with fewer than two frames.
-pub fn too_short(recording: &Path) -> Problem {
-    Problem::bad_input("expected at least two frames of type \"normal\"").in_file(recording)
 }

@@ -13,7 +13,7 @@ use bodyflight_core::four::FourDouble;
 use bodyflight_core::observation::Observation;
 use nalgebra::SimdValue;
 
-use self::bunch::{Bunch, Posed, bunches};
+use self::bunch::{Bunch, Member, Posed, bunches};
 use crate::Precision;
 use crate::comparison::Pair;
 use crate::flight::Flight;
@@ -76,12 +76,6 @@ pub fn fly(
         diverged[member.index] = member.beside.diverged();
     }
     Ok(diverged)
-}
-
-/// One of the variants.
-struct Member<'a> {
-    index: usize,
-    beside: SideBySide<'a>,
 }
 
 fn begun<'a>(variant: &'a Variant, frames: &[FlightFrame]) -> Result<SideBySide<'a>> {

@@ -32,8 +32,7 @@ use bodyflight_laboratory::synthesize::Additions;
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::Flight;
-use drawings::Drawings;
-pub use drawings::figures;
+use drawings::{Drawings, files};
 use experiments::{EXPERIMENTS, Experiment};
 use flown::{fly, preset};
 use report::{Outcome, Parts};
@@ -73,6 +72,16 @@ pub fn is_wanted(what: &[String], name: &str) -> bool {
     } else {
         what.iter().any(|asked| asked == name)
     }
+}
+
+/// File names of all figures of a report.
+pub fn figures(what: &[String], formats: &[Format]) -> Vec<PathBuf> {
+    let experiments = EXPERIMENTS.iter().map(|experiment| experiment.name);
+    experiments
+        .chain(DRAWN_PARTS)
+        .filter(|name| is_wanted(what, name))
+        .flat_map(|name| files(name, formats))
+        .collect()
 }
 
 /// Flies and reconstructs the named experiments, or what [`is_wanted`] if none is named, and writes `report.md`, figures and flights

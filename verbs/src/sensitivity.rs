@@ -209,14 +209,8 @@ pub fn sensitivity(
             };
             flight.subject = flight.subject.clone().with_coefficients_times(factors);
         }
-        let estimation = estimate(
-            &flight,
-            preset,
-            Filter::Paper,
-            options,
-            Precision::Double,
-            &mut |_| {},
-        )?;
+        let (by, precision) = (Filter::Paper, Precision::Double);
+        let estimation = estimate(&flight, preset, by, options, precision, &mut |_| {})?;
         Ok(Some(estimation.report))
     };
     let unvaried = reconstruct(None)?;

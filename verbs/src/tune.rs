@@ -185,6 +185,11 @@ impl<'a> Loaded<'a> {
     }
 }
 
+/// Orders draws by their score, and equal ones by their place.
+fn better(a: &(f64, usize, Candidate), b: &(f64, usize, Candidate)) -> std::cmp::Ordering {
+    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+}
+
 /// Searches over `flights` and checks on `held_out`. `progress` is called once for each draw. Ctrl-C ends the search
 /// with the best so far.
 ///
@@ -198,11 +203,8 @@ pub fn tune(
     options: Options,
     progress: impl Fn() + Sync,
 ) -> Result<Report> {
-    let Some(first) = flights.first() else {
-        return Err(Problem::bad_input(
-            "expected at least one flight to tune on",
-        ));
-    };
+    let none = || Problem::bad_input("expected at least one flight to tune on");
+    let first = flights.first().ok_or_else(none)?;
     // Problems with any file are reported before the long work.
     let (used, held_out) = (load(flights, options)?, load(held_out, options)?);
     let guess = first.subject.common_coefficients();
@@ -234,13 +236,12 @@ pub fn tune(
                 }
                 flown.fetch_add(candidates.len(), Ordering::Relaxed);
                 candidates.iter().for_each(|_| progress());
-                let scored = scores.into_iter().zip(candidates).enumerate();
-                let scored = scored.map(|(index, (score, candidate))| {
-                    (score, chunk * together + index, *candidate)
-                });
-                scored.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
+                let first = chunk * together;
+                let scored = scores.into_iter().zip(first..).zip(candidates);
+                let scored = scored.map(|((score, index), candidate)| (score, index, *candidate));
+                scored.min_by(better)
             })
-            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            .min_by(better);
         if let Some((score, _, candidate)) = found.filter(|found| found.0 < score_after) {
             (score_after, best) = (score, candidate);
         }
@@ -252,11 +253,9 @@ pub fn tune(
     if draws == 0 {
         interrupt::check()?;
     }
-    let checked: Result<Vec<HeldOut>> = held_out
-        .iter()
-        .zip(&before_held_out)
-        .map(|(flight, before)| check(flight, before, &best))
-        .collect();
+    let checked = held_out.iter().zip(&before_held_out);
+    let checked = checked.map(|(flight, before)| check(flight, before, &best));
+    let checked: Result<Vec<HeldOut>> = checked.collect();
     let interrupted = interrupt::requested();
     let checked = if interrupted { Vec::new() } else { checked? };
     let warnings = used.iter().chain(&held_out).flat_map(Loaded::said);

@@ -8,9 +8,15 @@ use bodyflight_core::observation::Observation;
 use bodyflight_core::{AxisCoefficients, Lanes, SegmentArray};
 use nalgebra::{Matrix3, SimdValue, UnitQuaternion, Vector3};
 
-use super::Member;
 use crate::comparison::Pair;
+use crate::side_by_side::SideBySide;
 use bodyflight_io::diagnostic::Result;
+
+/// One of the variants.
+pub(super) struct Member<'a> {
+    pub(super) index: usize,
+    pub(super) beside: SideBySide<'a>,
+}
 
 /// Variants side by side.
 pub(super) struct Bunch<T: Lanes> {

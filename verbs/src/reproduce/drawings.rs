@@ -4,8 +4,6 @@ use std::path::{Path, PathBuf};
 
 use bodyflight_io::diagnostic::Result;
 
-use super::experiments::EXPERIMENTS;
-use super::{DRAWN_PARTS, is_wanted};
 use crate::output::figure::{Format, write_figure};
 
 /// Where figures go, and in which formats beside SVG, which the report shows.
@@ -25,21 +23,12 @@ impl Drawings<'_> {
     }
 }
 
-/// File names of all figures of a report.
-pub fn figures(what: &[String], formats: &[Format]) -> Vec<PathBuf> {
-    let experiments = EXPERIMENTS.iter().map(|experiment| experiment.name);
-    experiments
-        .chain(DRAWN_PARTS)
-        .filter(|name| is_wanted(what, name))
-        .flat_map(|name| files(name, formats))
-        .collect()
-}
-
 fn svg_of(name: &str) -> PathBuf {
     PathBuf::from(format!("{name}.{}", Format::Svg.extension()))
 }
 
-fn files(name: &str, formats: &[Format]) -> Vec<PathBuf> {
+/// File names of a figure: SVG, and what else is asked for.
+pub(super) fn files(name: &str, formats: &[Format]) -> Vec<PathBuf> {
     let others = formats.iter().filter(|format| **format != Format::Svg);
     let others = others.map(|format| svg_of(name).with_extension(format.extension()));
     std::iter::once(svg_of(name)).chain(others).collect()

@@ -151,8 +151,7 @@ pub fn worn(
     doubts.read(mapping, sensors, window);
     doubts.failed(suit.faults());
     doubts.bent(&joints.bent);
-    let is_end_given = mapping.flight.end_s.is_some();
-    notes.extend(doubts.ended(early(mapping, sensors), is_end_given));
+    notes.extend(doubts.ended(early(mapping, sensors), mapping.flight.end_s.is_some()));
     let flown = frames.len().max(1) as f64;
     let stated = squares.map(|_, square| (square / flown).sqrt());
     Ok(Worn {
