@@ -28,6 +28,7 @@ use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_estimation::motion::{self, Settings};
+use bodyflight_io::diagnostic::Result;
 use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
@@ -51,13 +52,12 @@ const DEGREES: [f64; 6] = [0.0, 0.5, 1.0, 2.0, 4.0, 8.0];
 /// Deviation of the inputs about those of the script, and their time (s): muscle input, then damping.
 const VARIES: [([f64; 3], f64); 2] = [([0.3, 0.3, 0.3], 4.0), ([1.0, 0.4, 1.5], 2.0)];
 
-/// Estimates a flight by each method.
-fn scores(flight: &Flight, truth: impl Fn(f64) -> [f64; 6]) -> [Score; 2] {
+/// Estimates a flight by each method. Returns an error if its recording is refused.
+fn scores(flight: &Flight, truth: impl Fn(f64) -> [f64; 6]) -> Result<[Score; 2]> {
     let settings = Settings::usual(&flight.subject);
     let (options, precision) = (Options::default(), Precision::Double);
-    let both = motion::estimate_both(flight, &settings, options, precision);
-    both.expect("estimates")
-        .map(|estimation| Score::of(&estimation, &truth))
+    let both = motion::estimate_both(flight, &settings, options, precision)?;
+    Ok(both.map(|estimation| Score::of(&estimation, &truth)))
 }
 
 /// Inputs of a maneuver that vary beside those of its script.
@@ -90,7 +90,7 @@ fn varied(maneuver: &Maneuver, seed: u64) -> Maneuver {
 }
 
 /// Flies a maneuver with the joint errors of a case and estimates its inputs. Returns `None`, and says so, if a damping that
-/// varies to below zero lets the body spin beyond all numbers.
+/// varies to below zero lets the body spin beyond all numbers, or faster than a recording may.
 fn flown(case: &Case) -> Option<[Score; 2]> {
     let Case { kind, seed, .. } = *case;
     let size = case.degrees.to_radians();
@@ -120,12 +120,15 @@ fn flown(case: &Case) -> Option<[Score; 2]> {
     let mut flight = Flight::read(&written.flight).expect("the flight");
     // The true inputs are withheld, since they are to be estimated.
     flight.inputs = None;
-    Some(scores(&flight, |time| {
+    let scores = scores(&flight, |time| {
         let inputs = maneuver.inputs::<f64>(time);
         let [a, b, c] = inputs.muscle.to_array();
         let [d, e, f] = inputs.damping.to_array();
         [a, b, c, d, e, f]
-    }))
+    });
+    scores
+        .inspect_err(|problem| println!("{}, {seed}: {}", maneuver.name, problem.message))
+        .ok()
 }
 
 /// Prints the rows of the pairs of flights in a folder that are meant, with the velocities of a receiver if there is
@@ -178,7 +181,7 @@ fn of_recorded(from: &Path, receiver: Option<Receiver>) -> [Score; 2] {
         std::fs::write(&track, receiver.track(&recording, 5)).expect("a track");
         flight.gnss = Some(track);
     }
-    scores(&flight, |_| truth)
+    scores(&flight, |_| truth).expect("estimates")
 }
 
 /// The arguments of the command line.

@@ -11,7 +11,7 @@ use bodyflight_discovery::input::flight::RecordedFlight;
 use bodyflight_discovery::named_effect::{Named, Outcome};
 use bodyflight_discovery::output::report::Report;
 use bodyflight_discovery::{Settings, discover};
-use bodyflight_io::diagnostic::Result;
+use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
 use bodyflight_laboratory::{self as laboratory, Hidden, fly};
 use bodyflight_mvnx::recording::Options;
@@ -27,10 +27,14 @@ const NORMAL: f64 = 1.96;
 
 /// Flies a pair, searches for the hidden effect, and judges the result.
 pub(super) fn row(case: &Case) -> Value {
-    let tracks = [0, 1 << 32].map(|further| flown(case, further));
-    let [flight, other] = tracks.map(|track| track.expect("flights can be flown"));
+    let [flight, other] = [0, 1 << 32].map(|further| flown(case, further));
     let (begin, spent) = (Instant::now(), on_processor());
-    let found = discover(&[flight], &[other], &Settings::default(), &());
+    let told = |problem: Problem| problem.to_string();
+    let found = flight.map_err(told).and_then(|flight| {
+        let (flights, held_out) = ([flight], [other.map_err(told)?]);
+        let found = discover(&flights, &held_out, &Settings::default(), &());
+        found.map_err(|problem| problem.to_string())
+    });
     let seconds = begin.elapsed().as_secs_f64();
     let processor = spent.zip(on_processor()).map(|(from, to)| to - from);
     let mut row = json!({
@@ -44,8 +48,8 @@ pub(super) fn row(case: &Case) -> Value {
     });
     let found = match found {
         Ok(report) => judged(case, &report),
-        // A flight that cannot be judged is a wrong answer, not a missing row.
-        Err(problem) => json!({ "verdict": "failed", "why": problem.to_string(), "right": false }),
+        // A flight that is refused or cannot be judged is a wrong answer, not a missing row.
+        Err(problem) => json!({ "verdict": "failed", "why": problem, "right": false }),
     };
     if let (Some(row), Value::Object(found)) = (row.as_object_mut(), found) {
         row.extend(found);
