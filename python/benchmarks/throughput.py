@@ -1,12 +1,13 @@
-"""Steps per second of bodyflight, MuJoCo and pinocchio on one core, in one run, and actions per second of 1,024 environments.
+"""Steps per second of bodyflight and other programs on one core, in one run, and actions per second of 1,024 environments.
 
-    pip install mujoco pin
+    pip install mujoco mujoco-mjx pin jsbsim
     python benchmarks/throughput.py [--seconds 3]
     RAYON_NUM_THREADS=2 python benchmarks/throughput.py --only environments
 
-All three move 16 segments with the same masses, lengths and joints in steps of 1/240 s, but they do not compute the same. In bodyflight
+All but JSBSim move 16 segments with the same masses, lengths and joints in steps of 1/240 s, but they do not compute the same. In bodyflight
 the joint angles are given, by a recording or a policy, and the air acts on every segment. The others solve for 45 joint accelerations:
-MuJoCo with ellipsoids in a fluid, pinocchio without air. The table compares the cost of a flight, not the quality of the programs.
+MuJoCo and MJX with ellipsoids in a fluid, pinocchio without air. JSBSim moves a single
+rigid body, a falling ball with drag. The table compares the cost of a flight, not the quality of the programs.
 """
 
 import argparse
@@ -71,7 +72,8 @@ def of_bodyflight(count, seconds):
     return rate(work, seconds)
 
 
-def of_mujoco(seconds):
+def mujoco_model():
+    """Returns the body as a model of MuJoCo."""
     import mujoco
 
     table = dict(zip(bodyflight.Subject.segments, bodyflight.Subject().segment_table()))
@@ -90,8 +92,15 @@ def of_mujoco(seconds):
 
     text = f'<mujoco><option timestep="{STEP}" density="1.0" integrator="Euler"/><worldbody>{body("pelvis")}</worldbody></mujoco>'
     model = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(model)
     assert model.nv == 6 + 45
+    return model
+
+
+def of_mujoco(seconds):
+    import mujoco
+
+    model = mujoco_model()
+    data = mujoco.MjData(model)
 
     def single():
         mujoco.mj_resetData(model, data)
@@ -141,6 +150,57 @@ def of_pinocchio(seconds):
     return rate(single, seconds)
 
 
+def of_mjx(seconds, count=64, steps=20):
+    """Returns the steps per second of one body and of many in MJX, compiled for the processor."""
+    import jax
+    from mujoco import mjx
+
+    model = mjx.put_model(mujoco_model())
+
+    def fly(data):
+        return jax.lax.fori_loop(0, steps, lambda _, data: mjx.step(model, data), data)
+
+    one = mjx.make_data(model)
+    many = jax.vmap(lambda turn: one.replace(qvel=one.qvel + turn))(np.linspace(0.0, 0.1, count))
+    single, batched = jax.jit(fly), jax.jit(jax.vmap(fly))
+
+    def work(fly, data, bodies):
+        jax.block_until_ready(fly(data))
+        return steps * bodies
+
+    return rate(lambda: work(single, one, 1), seconds), rate(lambda: work(batched, many, count), seconds)
+
+
+def of_jsbsim(seconds):
+    """Returns the steps per second of a falling ball in JSBSim."""
+    import jsbsim
+
+    flight = jsbsim.FGFDMExec(None)
+    flight.set_debug_level(0)
+    flight.load_model("ball")
+    flight.set_dt(STEP)
+
+    def single():
+        flight["ic/h-sl-ft"] = 13000.0
+        flight.run_ic()
+        for _ in range(2000):
+            flight.run()
+        return 2000
+
+    return rate(single, seconds)
+
+
+def print_peer(name, work):
+    """Prints the row of another program, or that it is not installed."""
+    try:
+        found = work()
+    except ImportError:
+        print(f"| {name} | not installed | |")
+        return
+    cells = [f"{steps:,.0f}" for steps in np.atleast_1d(found)] + [""] * (2 - np.size(found))
+    print(f"| {name} | {' | '.join(cells)} |", flush=True)
+
+
 def of_environments(seconds):
     """Returns the actions per second of 1,024 environments, with observation, reward and autoreset; and per second of processor time,
     which depends less on what else runs."""
@@ -173,17 +233,12 @@ def main():
         return
     print(f"steps of 1/240 s per second, {threads} thread(s)")
     single, batched = of_bodyflight(1, seconds), of_bodyflight(1024, seconds)
-    print(f"| bodyflight | {single:,.0f} | {batched:,.0f} |")
-    try:
-        alone, together = of_mujoco(seconds)
-        print(f"| MuJoCo | {alone:,.0f} | {together:,.0f} |")
-        print(f"bodyflight over MuJoCo: {single / alone:.1f}, batched {batched / together:.1f}")
-    except ImportError:
-        print("MuJoCo is not installed")
-    try:
-        print(f"| pinocchio | {of_pinocchio(seconds):,.0f} | |")
-    except ImportError:
-        print("pinocchio is not installed")
+    print("\n| program | steps per second, one body | many bodies |\n|---|---|---|")
+    print(f"| bodyflight | {single:,.0f} | {batched:,.0f} (1,024) |")
+    print_peer("MuJoCo, Euler; `rollout` of 64", lambda: of_mujoco(seconds))
+    print_peer("MJX; 64 by `vmap`", lambda: of_mjx(seconds))
+    print_peer("pinocchio, `aba` and `integrate`", lambda: of_pinocchio(seconds))
+    print_peer("JSBSim, a ball", lambda: of_jsbsim(seconds))
 
 
 if __name__ == "__main__":

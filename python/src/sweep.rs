@@ -3,10 +3,10 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bodyflight_io::diagnostic::Problem;
-use bodyflight_io::interrupt;
 use bodyflight_mvnx::recording::{FlightFrame, faults};
-use bodyflight_replay::comparison::{Channel, Comparison};
-use bodyflight_replay::steps::{Divergence, Replay};
+use bodyflight_replay::comparison::{CHANNELS, Channel, Comparison};
+use bodyflight_replay::flight::Flight as ReplayedFlight;
+use bodyflight_replay::variants::{TOGETHER, Variant, fly};
 use bodyflight_verbs as verbs;
 use bodyflight_verbs::tune::Search;
 use numpy::PyArray2;
@@ -39,28 +39,19 @@ pub(crate) fn sweep(
         let frames: Vec<FlightFrame> = recording.by_ref().collect::<Result<_, _>>()?;
         let doubt = faults(&recording.warnings());
         let counted = Counted::of(factors.len(), progress);
+        let height = frames
+            .first()
+            .map_or(0.0, |frame| frame.pelvis.position.up());
+        let share = factors.len().div_ceil(rayon::current_num_threads());
         let found = factors
-            .par_iter()
+            .par_chunks(TOGETHER.min(share).max(1))
             .map(|factors| {
-                interrupt::check()?;
-                let mut varied = of_start.clone();
-                varied.subject = varied.subject.with_coefficients_times(*factors);
-                let frames = frames.iter().copied().map(Ok);
-                let mut comparison = Comparison::default();
-                let mut replay = Replay::new(&varied, frames)?.on_divergence(Divergence::Held);
-                for step in replay.by_ref() {
-                    comparison.push(step?.pair);
-                }
-                let rms = comparison.rms();
-                counted.one_more();
-                let row = Channel::ALL.map(|channel| rms.get(channel));
-                Ok(if replay.diverged().is_some() {
-                    row.map(|_| f64::NAN)
-                } else {
-                    row
-                })
+                let found = swept(&of_start, &frames, height, factors)?;
+                factors.iter().for_each(|_| counted.one_more());
+                Ok(found)
             })
             .collect::<Result<Vec<_>, Problem>>()?;
+        let found: Vec<_> = found.into_iter().flatten().collect();
         Ok((found, doubt))
     })?;
     let diverged = found.iter().filter(|row| row[0].is_nan()).count();
@@ -74,6 +65,32 @@ pub(crate) fn sweep(
         warn_of_doubt(py, sentence.as_deref())?;
     }
     rows(py, found)
+}
+
+/// Root mean squares of runs with these factors, which are flown together.
+fn swept(
+    flight: &ReplayedFlight,
+    frames: &[FlightFrame],
+    first_height: f64,
+    factors: &[[f64; 3]],
+) -> Result<Vec<[f64; CHANNELS]>, Problem> {
+    let varied = factors.iter().map(|factors| {
+        let mut flight = flight.clone();
+        flight.subject = flight.subject.with_coefficients_times(*factors);
+        let dynamics = flight.dynamics(first_height);
+        Variant { flight, dynamics }
+    });
+    let varied: Vec<Variant> = varied.collect();
+    let mut compared = vec![Comparison::default(); varied.len()];
+    let diverged = fly(frames, &varied, &mut |index, pair| {
+        compared[index].push(pair)
+    })?;
+    let rows = compared.iter().zip(diverged).map(|(compared, diverged)| {
+        let rms = compared.rms();
+        let row = Channel::ALL.map(|channel| rms.get(channel));
+        diverged.map_or(row, |_| row.map(|_| f64::NAN))
+    });
+    Ok(rows.collect())
 }
 
 /// Counts runs on several threads, and reports the share done.
