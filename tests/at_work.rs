@@ -175,8 +175,8 @@ fn a_terminal_shows_stages_rates_and_the_time_left() {
             ],
         ),
         (
-            &["tune", &long, "--draws", "20"],
-            &["draws ", "/20, ", "/s, ", " left"],
+            &["tune", &long, "--draws", "80"],
+            &["draws ", "/80, ", "/s, ", " left"],
         ),
         (
             &["validate", &long],
