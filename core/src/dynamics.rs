@@ -168,13 +168,15 @@ impl<T: Lanes> Dynamics<T> {
         if self.stream.lag != T::zero() {
             return self.late_sample_into(posture, rate, sample);
         }
-        let posed = self.pose_into(posture, rate, sample);
+        // Written out, since a posed body that a function returns is copied, which the unit would pay for.
+        let posed = pose(&self.body, posture);
+        sample.set_mass(MassMotion::with_properties(&self.body, &posed, rate));
         self.expose_into(&posed, sample);
     }
 
     /// Sets all of `sample` but the aerodynamics, and returns the posed body, which [`Dynamics::expose_into`] needs for
     /// these.
-    #[inline]
+    #[inline(always)]
     pub fn pose_into(
         &self,
         posture: &Posture<T>,
@@ -187,7 +189,7 @@ impl<T: Lanes> Dynamics<T> {
     }
 
     /// Sets the aerodynamics of `sample`, without [`Stream::lag`].
-    #[inline]
+    #[inline(always)]
     pub fn expose_into(
         &self,
         posed: &SegmentArray<PosedSegment<T>>,
@@ -200,7 +202,7 @@ impl<T: Lanes> Dynamics<T> {
 
 /// Returns the posture and the joint rates that stand for an interval of `duration` (s) between two postures, see
 /// [`Dynamics::between`].
-#[inline]
+#[inline(always)]
 pub fn middle_of<T: Lanes>(
     from: &Posture<T>,
     to: &Posture<T>,

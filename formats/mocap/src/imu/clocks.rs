@@ -32,8 +32,9 @@ impl Late {
             self.segment.name(),
         );
         format!(
-            "the clock of the sensor {name} is {:.0} ms {way}, expected within 20 ms of the others: synchronise them, or give late_s = {:.3} in [sensors.{name}]",
+            "the clock of the sensor {name} is {:.1} ms {way}, expected within {:.0} ms of the others: synchronise them, or give late_s = {:.3} in [sensors.{name}]",
             1e3 * self.by_s.abs(),
+            1e3 * LATE,
             self.by_s
         )
     }
