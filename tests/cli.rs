@@ -114,7 +114,10 @@ fn an_effect_of_the_model_opens_a_gap_where_the_flight_has_none() {
         std::fs::write(&model, text).expect("a file");
         json(&["simulate", &flight, "--model", name])
     };
-    assert_eq!(with("[[effect]]\nname = \"wind\"\nnorth_mps = 0")["rms"], plain["rms"]);
+    assert_eq!(
+        with("[[effect]]\nname = \"wind\"\nnorth_mps = 0")["rms"],
+        plain["rms"]
+    );
     let windy = with("[[effect]]\nname = \"wind\"\nnorth_mps = 5");
     let gap = |report: &Value| report["rms"]["horizontal_velocity_mps"].as_f64();
     assert!(gap(&windy) > Some(2.0), "{windy}");

@@ -1,6 +1,6 @@
 """All benchmarks of the package in one run; prints the tables of docs/benchmarks.md and docs/scale.md.
 
-    pip install mujoco mujoco-mjx pin jsbsim distributed pandas pyarrow gymnasium
+    pip install mujoco pin jsbsim distributed pandas pyarrow gymnasium
     python benchmarks/run.py [--seconds 3]
 
 Programs that are not installed are left out, and named. Each benchmark is a process of its own, since the package's threads are

@@ -1,13 +1,12 @@
 """Steps per second of bodyflight and other programs on one core, in one run, and actions per second of 1,024 environments.
 
-    pip install mujoco mujoco-mjx pin jsbsim
+    pip install mujoco pin jsbsim
     python benchmarks/throughput.py [--seconds 3]
     RAYON_NUM_THREADS=2 python benchmarks/throughput.py --only environments
 
 All but JSBSim move 16 segments with the same masses, lengths and joints in steps of 1/240 s, but they do not compute the same. In bodyflight
 the joint angles are given, by a recording or a policy, and the air acts on every segment. The others solve for 45 joint accelerations:
-MuJoCo and MJX with ellipsoids in a fluid, pinocchio without air. JSBSim moves a single
-rigid body, a falling ball with drag. The table compares the cost of a flight, not the quality of the programs.
+MuJoCo with ellipsoids in a fluid, pinocchio without air. JSBSim moves a single rigid body, a falling ball with drag. The table compares the cost of a flight, not the quality of the programs.
 """
 
 import argparse
@@ -150,27 +149,6 @@ def of_pinocchio(seconds):
     return rate(single, seconds)
 
 
-def of_mjx(seconds, count=64, steps=20):
-    """Returns the steps per second of one body and of many in MJX, compiled for the processor."""
-    import jax
-    from mujoco import mjx
-
-    model = mjx.put_model(mujoco_model())
-
-    def fly(data):
-        return jax.lax.fori_loop(0, steps, lambda _, data: mjx.step(model, data), data)
-
-    one = mjx.make_data(model)
-    many = jax.vmap(lambda turn: one.replace(qvel=one.qvel + turn))(np.linspace(0.0, 0.1, count))
-    single, batched = jax.jit(fly), jax.jit(jax.vmap(fly))
-
-    def work(fly, data, bodies):
-        jax.block_until_ready(fly(data))
-        return steps * bodies
-
-    return rate(lambda: work(single, one, 1), seconds), rate(lambda: work(batched, many, count), seconds)
-
-
 def of_jsbsim(seconds):
     """Returns the steps per second of a falling ball in JSBSim."""
     import jsbsim
@@ -236,7 +214,6 @@ def main():
     print("\n| program | steps per second, one body | many bodies |\n|---|---|---|")
     print(f"| bodyflight | {single:,.0f} | {batched:,.0f} (1,024) |")
     print_peer("MuJoCo, Euler; `rollout` of 64", lambda: of_mujoco(seconds))
-    print_peer("MJX; 64 by `vmap`", lambda: of_mjx(seconds))
     print_peer("pinocchio, `aba` and `integrate`", lambda: of_pinocchio(seconds))
     print_peer("JSBSim, a ball", lambda: of_jsbsim(seconds))
 

@@ -102,13 +102,16 @@ pub(crate) fn fly(
         runs.push(run);
         others = after;
     }
-    pool.install(|| {
-        let fours = all.fours.par_chunks_mut(RUN).zip(runs).enumerate();
-        fours.for_each_init(PostureSample::blank, |sample, (run, (fours, mut rows))| {
-            let given = given.from(run * RUN * SIDE_BY_SIDE);
-            fly_fours(course_of_four, task, fours, given, &mut rows, sample);
+    // One, two or three wake no other thread.
+    if !all.fours.is_empty() {
+        pool.install(|| {
+            let fours = all.fours.par_chunks_mut(RUN).zip(runs).enumerate();
+            fours.for_each_init(PostureSample::blank, |sample, (run, (fours, mut rows))| {
+                let given = given.from(run * RUN * SIDE_BY_SIDE);
+                fly_fours(course_of_four, task, fours, given, &mut rows, sample);
+            });
         });
-    });
+    }
     let given = given.from(all.of_fours());
     let mut sample = PostureSample::blank();
     let alone = all.rest.iter_mut();
