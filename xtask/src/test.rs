@@ -3,7 +3,7 @@
 use bodyflight_shared_data::{LEFT_OUT, SKIPPED};
 
 use crate::f405::f405;
-use crate::first_build::first_build;
+use crate::first_build::{count_crates, first_build};
 use crate::hil::hil;
 use crate::on_target::on_target;
 use crate::python::python;
@@ -19,6 +19,7 @@ const FULL_ONLY: [&str; 4] = ["exports", "live", "outputs", "transcripts"];
 
 /// Runs every test of the project.
 pub(crate) fn test() -> Result<()> {
+    count_crates()?;
     viewer::check()?;
     supply::list_parts()?;
     with_cargo()?;
