@@ -75,7 +75,7 @@ fn sinks(index: usize, frame: &mut Frame, speed: f64) {
     frame.velocity.iter_mut().for_each(|v| v.z -= speed);
 }
 
-pub(super) const BODIES: [Kind; 32] = [
+pub(super) const BODIES: [Kind; 33] = [
     frames("signs of quaternions at random", |index, _, f| {
         for (segment, q) in f.orientation.iter_mut().enumerate() {
             if noise(index, segment) > 0.0 {
@@ -121,6 +121,18 @@ pub(super) const BODIES: [Kind; 32] = [
         closed(index, all, f, |q| {
             let arm = RIGHT_FOREARM..RIGHT_FOREARM + 2;
             bent(index, q, RIGHT_FOREARM - 1, arm, Vector3::z() * -1.3);
+        });
+    }),
+    frames("elbow folded flat for a second", |index, all, f| {
+        closed(index, all, f, |q| {
+            let arm = RIGHT_FOREARM..RIGHT_FOREARM + 2;
+            bent(
+                index,
+                q,
+                RIGHT_FOREARM - 1,
+                arm,
+                Vector3::z() * std::f64::consts::PI,
+            );
         });
     }),
     frames("knee bent forwards for a second", |index, all, f| {

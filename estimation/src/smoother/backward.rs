@@ -53,21 +53,31 @@ impl Score {
 pub struct Scores {
     /// Quiet muscle input and damping, each in pitch, yaw and roll.
     pub quiet: [Score; 6],
+    /// The same of muscle input that is active.
+    pub active: [Score; 3],
     /// The residual load.
     pub residual: Score,
     /// Muscle input and damping per interval; the first entry is the start.
     pub each: Vec<[Score; 6]>,
     /// Gradient of the log likelihood with respect to each damping coefficient that is due to the uncertainty of the angular
-    /// velocity, at each interval's end; the first entry is the start.
-    pub pulls: Vec<[f64; 3]>,
+    /// velocity, at each interval's end, with how active muscle input is; the first entry is the start.
+    pub pulls: Vec<[(f64, f64); 3]>,
 }
 
 impl Scores {
     /// The pulls as the flight asks for them. They are proportional to the assumed noise about an axis; where the flight has
     /// less than the least that is assumed, they would pull the damping away from what the measurements say.
     pub fn pulls_as_found(&self) -> Vec<[f64; 3]> {
-        let weights = [0, 1, 2].map(|axis| self.quiet[axis].factor().min(1.0));
-        let weighted = |pulls: &[f64; 3]| std::array::from_fn(|axis| weights[axis] * pulls[axis]);
+        let weights = [0, 1, 2].map(|axis| {
+            let found = [&self.quiet[axis], &self.active[axis]];
+            found.map(|score| score.factor().min(1.0))
+        });
+        let weighted = |pulls: &[(f64, f64); 3]| {
+            std::array::from_fn(|axis| {
+                let ((pull, activity), [quiet, active]) = (pulls[axis], weights[axis]);
+                pull * (quiet + activity * (active - quiet))
+            })
+        };
         self.pulls.iter().map(weighted).collect()
     }
 }
@@ -126,7 +136,9 @@ impl<'a> Backward<'a> {
         let steps = pass.steps.iter().rev();
         let smoothed = steps.map(|step| {
             let smoothed = step.smoothed(adjoint, constants);
-            self.scores.pulls.push(step.pulls(adjoint));
+            let pulls = step.pulls(adjoint);
+            let with_activity = |axis: usize| (pulls[axis], step.activity[axis]);
+            self.scores.pulls.push(std::array::from_fn(with_activity));
             for (axis, pull) in step.pull.into_iter().enumerate() {
                 adjoint.value[DAMPING + axis] -= pull;
             }
@@ -218,6 +230,9 @@ impl Step {
             let (found, expected) = (found(k) * found(k), expected(k, k));
             let quiet = 1.0 - self.activity[k % 3];
             scores.quiet[k].add(found, expected, quiet);
+            if let Some(active) = scores.active.get_mut(k) {
+                active.add(found, expected, 1.0 - quiet);
+            }
         }
         for a in 0..6 {
             for b in 0..6 {

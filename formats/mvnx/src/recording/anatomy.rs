@@ -47,6 +47,11 @@ fn apart(cosine: f64) -> f64 {
     cosine.clamp(-1.0, 1.0).acos()
 }
 
+/// The angle (rad) by which a segment is bent against the line of its parent.
+fn bend(posture: &Posture<f64>, segment: Segment) -> f64 {
+    apart(-down(posture, segment).z)
+}
+
 /// How far the joint at a segment is beyond that of the other side, in lengths of the segment between it and the trunk.
 fn crosses(posture: &Posture<f64>, left: Segment) -> f64 {
     let reaches = |own: Segment| own.parent().map_or(0.0, |inner| down(posture, inner).x);
@@ -71,7 +76,7 @@ struct Check {
     ever: Option<f64>,
 }
 
-const CHECKS: [Check; 11] = [
+const CHECKS: [Check; 13] = [
     Check {
         segments: &[Segment::LeftShank, Segment::RightShank],
         said: "the knees are bent forwards",
@@ -102,6 +107,21 @@ const CHECKS: [Check; 11] = [
         mostly: 0.35,
         ever: Some(0.8),
     },
+    // Heels reach the buttocks at 155 degrees, and hands the shoulders at 150.
+    Check {
+        segments: &[Segment::LeftShank, Segment::RightShank],
+        said: "the knees are folded flat",
+        measure: bend,
+        mostly: 2.8,
+        ever: Some(2.9),
+    },
+    Check {
+        segments: &[Segment::LeftForearm, Segment::RightForearm],
+        said: "the elbows are folded flat",
+        measure: bend,
+        mostly: 2.8,
+        ever: Some(2.9),
+    },
     Check {
         segments: &[Segment::LeftThigh, Segment::RightThigh],
         said: "a thigh is bent backwards",
@@ -119,7 +139,7 @@ const CHECKS: [Check; 11] = [
     Check {
         segments: &[Segment::LeftHand, Segment::RightHand],
         said: "a wrist is bent beyond its range",
-        measure: |posture, hand| apart(-down(posture, hand).z),
+        measure: bend,
         mostly: 1.93,
         ever: Some(1.93),
     },
@@ -460,6 +480,14 @@ mod tests {
             (
                 said(100, turned(Segment::LeftHand, [0.0, 0.0, half])),
                 "a wrist is bent",
+            ),
+            (
+                said(100, turned(Segment::LeftForearm, [0.0, 1.4, 0.0])),
+                "the elbows are folded flat",
+            ),
+            (
+                said(100, turned(Segment::RightShank, [0.0, 0.0, -1.9])),
+                "the knees are folded flat",
             ),
             (
                 said(100, turned(Segment::RightThigh, [0.0, 0.0, -1.5])),
