@@ -158,22 +158,23 @@ fn inputs_of_a_suit_are_those_of_the_limb_groups_that_were_flown() {
     assert!(share > 0.95, "{share}: {said}");
 }
 
-/// What the import doubts, no estimate is sure of.
+/// What the import doubts, no estimate is sure of: a sensor that the import names, or a posture that nobody takes.
 #[test]
 fn a_doubted_sensor_keeps_estimates_from_being_consistent() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let jump = Jump::new(folder.path(), "layouts", 4103, Some("l_thigh:reversed=3"));
-    assert!(
-        jump.is_doubted && jump.said.contains("l_thigh"),
-        "{}",
-        jump.said
-    );
-    let (code, said, rows) = jump.estimate();
-    assert_eq!(code, Some(5), "{said}");
-    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(said.contains("l_thigh"), "{said}");
-    let states = column(&rows, "consistency");
-    assert!(states.iter().all(|state| state != "consistent"));
+    for (seed, fault, told) in [
+        (4103, "l_thigh:reversed=3", "l_thigh"),
+        (5300, "l_upperarm:reversed=3", "the elbows are folded flat"),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let jump = Jump::new(folder.path(), "layouts", seed, Some(fault));
+        assert!(jump.is_doubted && jump.said.contains(told), "{}", jump.said);
+        let (code, said, rows) = jump.estimate();
+        assert_eq!(code, Some(5), "{said}");
+        let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(said.contains(told), "{said}");
+        let states = column(&rows, "consistency");
+        assert!(states.iter().all(|state| state != "consistent"), "{fault}");
+    }
 }
 
 /// A recording of attitudes alone, as from OpenSense or a BVH file without a path, has no velocity that would tell when a

@@ -135,6 +135,7 @@ fn with_each<R>(
         flight,
         samples: &measured.samples,
         velocities: &measured.velocities,
+        warnings: &measured.warnings,
         rate: measured.rate,
         dynamics: model.dynamics,
         applied: model.applied,

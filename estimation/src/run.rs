@@ -11,6 +11,7 @@ use bodyflight_core::estimator::motion::settings::{ASSUMED_DEVIATION, MotionPres
 use bodyflight_core::estimator::motion::state::{
     Difference, FlightState, MUSCLE, VELOCITY, inputs_of,
 };
+use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::propagation::Propagation;
 use bodyflight_core::flight_sample::FlightSample;
 
@@ -22,6 +23,7 @@ use crate::verdict::{Collector, Doubts};
 use crate::whole::Whole;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::progress;
+use bodyflight_mvnx::recording::Warning;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::input_history::InputRow;
 
@@ -36,6 +38,8 @@ pub(crate) struct Run<'a> {
     pub(crate) samples: &'a [FlightSample],
     /// Where the velocities come from.
     pub(crate) velocities: &'a Velocities,
+    /// What is implausible in the recording.
+    pub(crate) warnings: &'a [Warning],
     /// Sample rate (Hz).
     pub(crate) rate: f64,
     pub(crate) dynamics: Dynamics<f64>,
@@ -58,6 +62,19 @@ impl<'a> Run<'a> {
         let flight = &self.flight.muscles;
         let history = self.flight.inputs.as_ref();
         history.map_or(*flight, |history| history.muscles_at(time, flight))
+    }
+
+    /// What an estimate can be at best: where the recording contradicts itself, none is consistent.
+    fn consistency_at(&self, time: f64) -> Consistency {
+        let has_fault = self.warnings.iter().any(|warning| {
+            let span = warning.span_s;
+            warning.is_fault && span.is_none_or(|[from, to]| (from..=to).contains(&time))
+        });
+        if has_fault {
+            Consistency::Doubtful
+        } else {
+            Consistency::Consistent
+        }
     }
 
     /// Runs the filter over the recording. `before` is called before each instant is pushed, `each` afterwards, with
@@ -138,6 +155,7 @@ impl<'a> Run<'a> {
                 };
                 let watch = estimate.watch.cast();
                 let consistency = estimate.consistency.max(doubts.least);
+                let consistency = consistency.max(self.consistency_at(instant.time));
                 collector.take(&watch, consistency, instant.time, instant.time - last);
                 last = instant.time;
                 flags.count_faults(estimate.faults);
