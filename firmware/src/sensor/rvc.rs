@@ -125,6 +125,29 @@ fn in_axes_of_chip(turn: &UnitQuaternion<f32>) -> UnitQuaternion<f32> {
     UnitQuaternion::new_unchecked(Quaternion::new(coords.w, coords.y, coords.x, -coords.z))
 }
 
+/// A packet as a sensor sends it, of an attitude and a specific force (m/s2).
+#[cfg(test)]
+pub(crate) fn packet(
+    index: u8,
+    inertial_from_sensor: &UnitQuaternion<f32>,
+    force: &Vector3<f32>,
+) -> [u8; LENGTH] {
+    let (roll, pitch, yaw) = in_axes_of_chip(inertial_from_sensor).euler_angles();
+    let angles = [yaw, pitch, roll].map(|angle| angle.to_degrees() * 100.0);
+    let forces = [force.x, force.y, force.z].map(|force| force / MILLI_G);
+    let mut packet = [0; LENGTH];
+    packet[..3].copy_from_slice(&[HEADER, HEADER, index]);
+    let numbers = angles.into_iter().chain(forces);
+    for (bytes, number) in packet[3..].chunks_exact_mut(2).zip(numbers) {
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        bytes.copy_from_slice(&((number + 0.5).floor() as i16).to_le_bytes());
+    }
+    packet[LENGTH - 1] = packet[2..LENGTH - 1]
+        .iter()
+        .fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
+    packet
+}
+
 #[cfg(test)]
 mod tests {
     use std::vec::Vec;
