@@ -16,7 +16,8 @@ pub mod icm42688;
 mod level;
 mod reading;
 mod receiver;
-mod rvc;
+pub(crate) mod rvc;
+pub mod rvc_suit;
 
 use bodyflight_core::chain;
 use bodyflight_core::estimator::motion::sensors::VERTICAL_RATIO;

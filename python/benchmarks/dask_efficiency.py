@@ -41,8 +41,10 @@ def main():
         alone, wanted = seconds(1, flight, factors, arguments.chunk)
         together, found = seconds(2, flight, factors, arguments.chunk)
     assert found.tobytes() == wanted.tobytes()
-    print(f"one process {alone:.1f} s, two {together:.1f} s: efficiency {100 * alone / (2 * together):.0f} %")
-    print(f"{arguments.flights / alone:.1f} flights a second and process; 10^6 flights: {1e6 * alone / arguments.flights / 3600:.0f} core hours")
+    print("| flights of 30 s | one process (s) | two (s) | efficiency | flights a second and process | core hours of 10^6 |")
+    print("|---|---|---|---|---|---|")
+    share, rate = alone / (2 * together), arguments.flights / alone
+    print(f"| {arguments.flights} | {alone:.1f} | {together:.1f} | {100 * share:.0f} % | {rate:.0f} | {1e6 / rate / 3600:.1f} |")
 
 
 if __name__ == "__main__":

@@ -10,7 +10,9 @@ MuJoCo with ellipsoids in a fluid, pinocchio without air. JSBSim moves a single 
 """
 
 import argparse
+import contextlib
 import os
+import tempfile
 import time
 
 # The package reads this once, when it starts its threads.
@@ -149,34 +151,55 @@ def of_pinocchio(seconds):
     return rate(single, seconds)
 
 
+@contextlib.contextmanager
+def silenced():
+    """Discards what a library prints to standard output and error, and the files that it writes where it runs."""
+    kept = [os.dup(stream) for stream in (1, 2)]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    here = os.getcwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        try:
+            for stream in (1, 2):
+                os.dup2(nowhere, stream)
+            yield
+        finally:
+            os.chdir(here)
+            for stream, before in zip((1, 2), kept):
+                os.dup2(before, stream)
+            for one in (*kept, nowhere):
+                os.close(one)
+
+
 def of_jsbsim(seconds):
     """Returns the steps per second of a falling ball in JSBSim."""
     import jsbsim
 
-    flight = jsbsim.FGFDMExec(None)
-    flight.set_debug_level(0)
-    flight.load_model("ball")
-    flight.set_dt(STEP)
+    with silenced():
+        flight = jsbsim.FGFDMExec(None)
+        flight.load_model("ball")
+        flight.set_dt(STEP)
 
-    def single():
-        flight["ic/h-sl-ft"] = 13000.0
-        flight.run_ic()
-        for _ in range(2000):
-            flight.run()
-        return 2000
+        def single():
+            flight["ic/h-sl-ft"] = 13000.0
+            flight.run_ic()
+            for _ in range(2000):
+                flight.run()
+            return 2000
 
-    return rate(single, seconds)
+        return rate(single, seconds)
 
 
-def print_peer(name, work):
-    """Prints the row of another program, or that it is not installed."""
+def print_peer(name, work, ours):
+    """Prints the row of another program, with how many times as fast bodyflight is, or that it is not installed."""
     try:
-        found = work()
+        found = np.atleast_1d(work())
     except ImportError:
-        print(f"| {name} | not installed | |")
+        print(f"| {name} | not installed | | |")
         return
-    cells = [f"{steps:,.0f}" for steps in np.atleast_1d(found)] + [""] * (2 - np.size(found))
-    print(f"| {name} | {' | '.join(cells)} |", flush=True)
+    cells = [f"{steps:,.0f}" for steps in found] + [""] * (2 - np.size(found))
+    times = ", ".join(f"{our / steps:.1f}" for our, steps in zip(ours, found))
+    print(f"| {name} | {' | '.join(cells)} | {times} |", flush=True)
 
 
 def of_environments(seconds):
@@ -196,26 +219,31 @@ def of_environments(seconds):
     return rate(work, seconds), rate(work, seconds, time.process_time)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=3.0, help="duration of each measurement")
-    parser.add_argument("--only", choices=["environments"], help="skip the comparison with other programs")
-    arguments = parser.parse_args()
-    seconds = arguments.seconds
-    threads = os.environ["RAYON_NUM_THREADS"]
+def print_environments(seconds):
     actions, of_core = of_environments(seconds)
-    load = ", ".join(f"{load:.1f}" for load in os.getloadavg())
-    print(f"1,024 environments, {threads} thread(s): {actions:,.0f} actions per second; load average {load}")
-    print(f"per second of a core: {of_core:,.0f}")
-    if arguments.only:
-        return
-    print(f"steps of 1/240 s per second, {threads} thread(s)")
-    single, batched = of_bodyflight(1, seconds), of_bodyflight(1024, seconds)
-    print("\n| program | steps per second, one body | many bodies |\n|---|---|---|")
-    print(f"| bodyflight | {single:,.0f} | {batched:,.0f} (1,024) |")
-    print_peer("MuJoCo, Euler; `rollout` of 64", lambda: of_mujoco(seconds))
-    print_peer("pinocchio, `aba` and `integrate`", lambda: of_pinocchio(seconds))
-    print_peer("JSBSim, a ball", lambda: of_jsbsim(seconds))
+    print("| 1,024 environments | actions per second | per second of a core |\n|---|---|---|")
+    print(f"| {os.environ['RAYON_NUM_THREADS']} thread(s) | {actions:,.0f} | {of_core:,.0f} |")
+
+
+def print_programs(seconds):
+    ours = of_bodyflight(1, seconds), of_bodyflight(1024, seconds)
+    print("| program | steps per second, one body | many bodies | bodyflight's as a multiple |\n|---|---|---|---|")
+    print(f"| bodyflight; 1,024 bodies | {ours[0]:,.0f} | {ours[1]:,.0f} | |", flush=True)
+    print_peer("MuJoCo, Euler; `rollout` of 64", lambda: of_mujoco(seconds), ours)
+    print_peer("pinocchio, `aba` and `integrate`", lambda: of_pinocchio(seconds), ours)
+    print_peer("JSBSim, a ball", lambda: of_jsbsim(seconds), ours)
+
+
+def main():
+    tables = {"environments": print_environments, "programs": print_programs}
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=3.0, help="duration of each measurement")
+    parser.add_argument("--only", choices=tables, help="make this table alone")
+    arguments = parser.parse_args()
+    chosen = [arguments.only] if arguments.only else tables
+    for name in chosen:
+        tables[name](arguments.seconds)
+        print()
 
 
 if __name__ == "__main__":

@@ -11,6 +11,8 @@ use nalgebra::UnitQuaternion;
 use proptest::prelude::*;
 
 use super::*;
+use crate::sensor::rvc;
+use crate::sensor::rvc_suit::RvcSuit;
 use crate::test_flight::{configure, table};
 
 fn body() -> Body<f32> {
@@ -53,6 +55,8 @@ struct Person {
     /// Time in the present pose (s).
     time: f32,
     bias: Vector3<f32>,
+    /// Sensors with lines of their own in place of nodes.
+    suit: Option<RvcSuit>,
 }
 
 impl Person {
@@ -64,6 +68,7 @@ impl Person {
             pose: Pose::Upright,
             time: 0.0,
             bias: Vector3::new(0.01, -0.02, 0.005),
+            suit: None,
         }
     }
 
@@ -106,6 +111,17 @@ impl Person {
                     angular_velocity: to_sensor * rate + self.bias.add_scalar(noise),
                     specific_force: to_sensor * up * f32::of(STANDARD_GRAVITY),
                 };
+                if let Some(suit) = &mut self.suit {
+                    let attitude = rotation_by(&(Vector3::x() * tilts[1]));
+                    let attitude = attitude * Self::mounted(*segment);
+                    let force = reading.specific_force.add_scalar(noise);
+                    let [index, _] = self.cycle.to_le_bytes();
+                    let place = ten().iter().position(|one| one == segment).unwrap();
+                    for byte in rvc::packet(index, &attitude, &force) {
+                        suit.take(place, byte, 10_000 * u64::from(self.cycle));
+                    }
+                    continue;
+                }
                 let [rates, forces] = rounding.counts(&reading);
                 let packet = Packet {
                     segment: *segment,
@@ -116,6 +132,11 @@ impl Person {
                     forces,
                 };
                 line.extend(packet.encode());
+            }
+            if let Some(suit) = &mut self.suit {
+                while let Some(packet) = suit.packet(10_000 * u64::from(self.cycle)) {
+                    line.extend(packet);
+                }
             }
             let mut input = &line[..];
             while let Some(reading) = limbs.next(&mut input, Some(&body)) {
@@ -194,6 +215,31 @@ fn poses_alone_calibrate_and_postures_follow() {
     let errors = limbs.new_errors().unwrap();
     assert_eq!(errors.failed, 0);
     assert_eq!(limbs.new_errors(), None, "only when they change");
+}
+
+/// BNO08x in their UART-RVC mode, which send no angular velocity.
+#[test]
+fn attitudes_alone_calibrate_and_postures_follow() {
+    let (mut person, mut limbs) = (Person::new(ten()), Limbs::new());
+    person.suit = Some(RvcSuit::new());
+    person.calibrate(&mut limbs);
+    let found = limbs.calibration();
+    assert_eq!(found.stage, CalibrationStage::Worn, "{found:?}");
+    assert_eq!(limbs.table().rows().count(), 10);
+    for row in limbs.table().rows() {
+        let off = row.fitted().mounting.segment_from_sensor;
+        let off = off.angle_to(&Person::mounted(row.segment)).to_degrees();
+        assert!(off < 2.0, "{:?} {off}", row.segment);
+    }
+    person.hold(&mut limbs, Pose::Bent, 4.0);
+    let posture = limbs.posture().unwrap();
+    for segment in ten() {
+        let expected = tilt(*segment, Pose::Bent, 0.0) - tilt(Segment::Pelvis, Pose::Bent, 0.0);
+        let found = posture.body_from_segments()[*segment].scaled_axis().x;
+        let off = (found - expected).to_degrees().abs();
+        assert!(off < 3.0, "{segment:?} {off}");
+    }
+    assert_eq!(limbs.new_errors().unwrap().failed, 0);
 }
 
 #[test]

@@ -4,10 +4,14 @@
 //! degree and milli-g. The checksum is the sum of the bytes between the header and itself. Source: CEVA, BNO08X data
 //! sheet, chapter 1.3.5.2 (UART-RVC protocol).
 //!
+//! The angles are a vehicle's, whose X points ahead, along the chip's Y, whose Y points to the right, along the chip's X, and
+//! whose Z points down: so yaw grows clockwise as seen from above. Accelerations are along the chip's axes. The data sheet
+//! does not say so, but its example fits no other axes: its acceleration then points up by its angles, within 0.1 degrees.
+//!
 //! The mode gives neither angular velocity nor magnetometer, and its yaw drifts from an arbitrary start: a receiver must
 //! give the direction of flight.
 
-use nalgebra::Vector3;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::reading::{Reading, from_angles};
 
@@ -98,7 +102,7 @@ impl Decoder {
         let force = |low, high| f32::from(i16::from_le_bytes([low, high])) * MILLI_G;
         let [yaw, pitch, roll] = [angle(y0, y1), angle(p0, p1), angle(r0, r1)];
         // The start of the yaw is taken as north.
-        let inertial_from_sensor = from_angles([roll, pitch, yaw]);
+        let inertial_from_sensor = in_axes_of_chip(&from_angles([roll, pitch, yaw]));
         let [low, high, ..] = number.to_le_bytes();
         Reading {
             counter: Some(u16::from_le_bytes([low, high])),
@@ -112,6 +116,36 @@ impl Decoder {
             ..Reading::default()
         }
     }
+}
+
+/// A rotation in the vehicle's axes in those of the chip, or the other way round.
+fn in_axes_of_chip(turn: &UnitQuaternion<f32>) -> UnitQuaternion<f32> {
+    let Quaternion { coords } = **turn;
+    // Of the same length.
+    UnitQuaternion::new_unchecked(Quaternion::new(coords.w, coords.y, coords.x, -coords.z))
+}
+
+/// A packet as a sensor sends it, of an attitude and a specific force (m/s2).
+#[cfg(test)]
+pub(crate) fn packet(
+    index: u8,
+    inertial_from_sensor: &UnitQuaternion<f32>,
+    force: &Vector3<f32>,
+) -> [u8; LENGTH] {
+    let (roll, pitch, yaw) = in_axes_of_chip(inertial_from_sensor).euler_angles();
+    let angles = [yaw, pitch, roll].map(|angle| angle.to_degrees() * 100.0);
+    let forces = [force.x, force.y, force.z].map(|force| force / MILLI_G);
+    let mut packet = [0; LENGTH];
+    packet[..3].copy_from_slice(&[HEADER, HEADER, index]);
+    let numbers = angles.into_iter().chain(forces);
+    for (bytes, number) in packet[3..].chunks_exact_mut(2).zip(numbers) {
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        bytes.copy_from_slice(&((number + 0.5).floor() as i16).to_le_bytes());
+    }
+    packet[LENGTH - 1] = packet[2..LENGTH - 1]
+        .iter()
+        .fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
+    packet
 }
 
 #[cfg(test)]
@@ -140,7 +174,8 @@ mod tests {
     fn the_published_packet_is_read() {
         let mut decoder = Decoder::new();
         let reading = decoder.next(&mut PUBLISHED.as_slice()).unwrap();
-        let (roll, pitch, yaw) = reading.inertial_from_sensor.unwrap().euler_angles();
+        let turn = in_axes_of_chip(&reading.inertial_from_sensor.unwrap());
+        let (roll, pitch, yaw) = turn.euler_angles();
         for (found, degrees) in [(yaw, 0.01_f32), (pitch, -1.10), (roll, 20.85)] {
             assert!(
                 (found.to_degrees() - degrees).abs() < 1e-3,
@@ -152,6 +187,26 @@ mod tests {
             (force - Vector3::new(-371.0, -20.0, 977.0)).amax() < 0.1,
             "{force}"
         );
+    }
+
+    /// The acceleration in it, of a sensor at rest, points up by its angles.
+    #[test]
+    fn the_angles_of_the_published_packet_are_about_the_axes_of_its_acceleration() {
+        let reading = Decoder::new().next(&mut PUBLISHED.as_slice()).unwrap();
+        let force = reading.inertial_from_sensor.unwrap() * reading.specific_force.unwrap();
+        let tilt = force.xy().norm().atan2(force.z).to_degrees();
+        assert!(tilt < 0.1, "{tilt} degrees");
+    }
+
+    #[test]
+    fn yaw_grows_clockwise_as_seen_from_above() {
+        let mut packet = PUBLISHED;
+        // 90 degrees, 0 and 0.
+        packet[3..9].copy_from_slice(&[0x28, 0x23, 0, 0, 0, 0]);
+        let reading = Decoder::new().next(&mut sealed(packet).as_slice()).unwrap();
+        // What points ahead (X north, Y west) points east.
+        let ahead = reading.inertial_from_sensor.unwrap() * Vector3::x();
+        assert!((ahead + Vector3::y()).norm() < 1e-3, "{ahead}");
     }
 
     #[test]

@@ -101,7 +101,7 @@ impl Track {
         let (mut rows, mut without_fix) = (Vec::new(), 0);
         let mut fixes = Fixes::of(&tables);
         for row in tables.rows("GNSS") {
-            if row.number(fixes.kind).is_ok_and(|kind| kind < 3.0) {
+            if row.optional(fixes.kind).is_some_and(|kind| kind < 3.0) {
                 without_fix += 1;
                 continue;
             }
@@ -245,7 +245,7 @@ impl Fixes {
         let [latitude, longitude, height] = self.place;
         let place = [row.within(latitude, 90.0)?, row.within(longitude, 180.0)?];
         let height = row.within(height, 50_000.0)?;
-        let stated = |column| row.number(column).ok().filter(|accuracy| *accuracy > 0.0);
+        let stated = |column| row.optional(column).filter(|accuracy| *accuracy > 0.0);
         let [speed, across, above] = self.accuracy.map(stated);
         let [north, east, down] = self.velocity.map(|column| row.within(column, 1000.0));
         Ok(Fix {

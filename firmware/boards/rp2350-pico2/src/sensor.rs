@@ -1,23 +1,25 @@
-//! The line of a sensor, UART1 (GP5 in): received by DMA into a ring, which goes on while the processor stops for its flash.
+//! The line of a sensor, UART1 (GP5 in): received by DMA into a ring.
 
-use core::sync::atomic::{AtomicU8, Ordering};
+use core::sync::atomic::AtomicU8;
 
 use embassy_rp::Peri;
 use embassy_rp::clocks::clk_peri_freq;
-use embassy_rp::pac::{DMA, UART1, dma};
+use embassy_rp::pac::UART1;
+use embassy_rp::pac::dma::vals::TreqSel;
 use embassy_rp::peripherals::{self, DMA_CH0, PIN_5};
 use embassy_rp::uart::{self, Blocking, UartRx};
 use embassy_time::{Duration, Timer};
 use embedded_io_async::{ErrorType, Read};
 
+use crate::ring;
+
 /// The channel in use.
 const CHANNEL: usize = 0;
 
-/// Length of the ring as a base-two logarithm: 4 KiB, what arrives in 89 ms at 460800 baud.
-const SIZE: u8 = 12;
-const LENGTH: usize = 1 << SIZE;
+/// Length of the ring: what arrives in 89 ms at 460800 baud.
+const LENGTH: usize = 4096;
 
-/// The ring. The DMA wraps addresses, so it begins at a multiple of its length.
+/// The ring, which begins at a multiple of its length.
 #[repr(align(4096))]
 struct Ring([AtomicU8; LENGTH]);
 
@@ -42,29 +44,9 @@ impl FromSensor {
         config: uart::Config,
     ) -> Self {
         let line = UartRx::new_blocking(line, pin, config);
-        let ring = RING.0.as_ptr().expose_provenance();
-        let registers = DMA.ch(CHANNEL);
-        registers
-            .read_addr()
-            .write_value(UART1.uartdr().as_ptr() as u32);
-        registers.write_addr().write_value(ring as u32);
-        registers.trans_count().write(|count| {
-            count.set_mode(dma::vals::TransCountMode::ENDLESS);
-            count.set_count(1);
-        });
         UART1.uartdmacr().write(|control| control.set_rxdmae(true));
-        registers.ctrl_trig().write(|control| {
-            control.set_data_size(dma::vals::DataSize::SIZE_BYTE);
-            control.set_incr_write(true);
-            // The write address wraps.
-            control.set_ring_sel(true);
-            control.set_ring_size(SIZE);
-            control.set_treq_sel(dma::vals::TreqSel::UART1_RX);
-            // To itself: no channel follows.
-            control.set_chain_to(CHANNEL as u8);
-            control.set_irq_quiet(true);
-            control.set_en(true);
-        });
+        let from = UART1.uartdr().as_ptr().cast_const().cast();
+        ring::fill(CHANNEL, from, &RING.0, TreqSel::UART1_RX);
         Self {
             _line: line,
             _channel: channel,
@@ -103,14 +85,12 @@ impl Read for FromSensor {
             if let Some(error) = self.error() {
                 return Err(error);
             }
-            let end = DMA.ch(CHANNEL).write_addr().read() as usize % LENGTH;
             let mut count = 0;
-            for byte in bytes.iter_mut() {
-                let Some(cell) = RING.0.get(self.next).filter(|_| self.next != end) else {
+            for place in bytes.iter_mut() {
+                let Some(byte) = ring::next(CHANNEL, &RING.0, &mut self.next) else {
                     break;
                 };
-                *byte = cell.load(Ordering::Relaxed);
-                self.next = (self.next + 1) % LENGTH;
+                *place = byte;
                 count += 1;
             }
             if count > 0 {

@@ -1,5 +1,5 @@
 //! The unit on a Raspberry Pi Pico 2: USB serial or UART0 to the host (GP0 out, GP1 in), UART1 from a sensor (GP5 in)
-//! or SPI0 to one (GP16 to GP19), a log in the program's flash, a third of the supply voltage (GP29), a light (GP25), logs by
+//! or SPI0 to one (GP16 to GP19) or ten PIO lines from those of a suit (GP6 to GP15), a log in the program's flash, a third of the supply voltage (GP29), a light (GP25), logs by
 //! RTT.
 #![no_std]
 #![no_main]
@@ -7,7 +7,9 @@
 mod chip;
 mod flash;
 mod imu;
+mod ring;
 mod sensor;
+mod suit;
 
 use core::cell::RefCell;
 
@@ -16,6 +18,7 @@ use bodyflight_firmware::ports::{Counted, Either, LineErrors, Preferred};
 use bodyflight_firmware::recorder::storage::{EraseAhead, FlightLog};
 use bodyflight_firmware::recorder::{Block, Recorder, Until};
 use bodyflight_firmware::sensor::icm42688::{self, Icm42688};
+use bodyflight_firmware::sensor::rvc_suit;
 use bodyflight_firmware::{Board, RECEIVER_BYTES, Unit, millivolts, start};
 use bodyflight_usb_serial as usb_serial;
 use cortex_m::peripheral::DWT;
@@ -25,7 +28,8 @@ use embassy_executor::Spawner;
 use embassy_rp::adc::{self, Adc};
 use embassy_rp::clocks::RoscRng;
 use embassy_rp::gpio::{Level, Output, Pull};
-use embassy_rp::peripherals::{UART0, USB};
+use embassy_rp::peripherals::{PIO0, PIO1, PIO2, UART0, USB};
+use embassy_rp::pio::{self, Pio};
 use embassy_rp::uart::{self, BufferedInterruptHandler, BufferedUart};
 use embassy_rp::watchdog::Watchdog;
 use embassy_rp::{bind_interrupts, usb};
@@ -34,6 +38,9 @@ use static_cell::{ConstStaticCell, StaticCell};
 
 bind_interrupts!(struct Interrupts {
     UART0_IRQ => BufferedInterruptHandler<UART0>;
+    PIO0_IRQ_0 => pio::InterruptHandler<PIO0>;
+    PIO1_IRQ_0 => pio::InterruptHandler<PIO1>;
+    PIO2_IRQ_0 => pio::InterruptHandler<PIO2>;
     USBCTRL_IRQ => usb::InterruptHandler<USB>;
 });
 
@@ -88,6 +95,9 @@ impl Board for Pico2 {
     }
 }
 
+/// Not in the future of the main task, which would hold it twice.
+static PORT: StaticCell<rvc_suit::Port<suit::FromSuit, sensor::FromSensor, Delay>> =
+    StaticCell::new();
 static UNIT: StaticCell<RefCell<Unit<Pico2>>> = StaticCell::new();
 static RECORDER: StaticCell<Recorder> = StaticCell::new();
 static LOG: StaticCell<FlightLog<'static, flash::ProgramFlash>> = StaticCell::new();
@@ -136,7 +146,22 @@ async fn main(spawner: Spawner) {
             let port = icm42688::Port::new(imu, || Instant::now().as_micros());
             Either::First(Counted::new(port, &SENSOR_ERRORS, |_| false))
         }
-        None => Either::Second(Counted::new(sensor, &SENSOR_ERRORS, is_overrun)),
+        None => {
+            let first = Pio::new(chip.PIO0, Interrupts);
+            let line = suit::receive_block!(
+                0, first, sm0: chip.PIN_6, sm1: chip.PIN_7, sm2: chip.PIN_8, sm3: chip.PIN_9
+            );
+            let second = Pio::new(chip.PIO1, Interrupts);
+            let line = suit::receive_block!(
+                line, second, sm0: chip.PIN_10, sm1: chip.PIN_11, sm2: chip.PIN_12, sm3: chip.PIN_13
+            );
+            let third = Pio::new(chip.PIO2, Interrupts);
+            suit::receive_block!(line, third, sm0: chip.PIN_14, sm1: chip.PIN_15);
+            let clock = || Instant::now().as_micros();
+            let port = PORT
+                .init_with(|| rvc_suit::Port::new(suit::FromSuit::default(), sensor, Delay, clock));
+            Either::Second(Counted::new(port, &SENSOR_ERRORS, is_overrun))
+        }
     };
     let (device, from_usb, to_usb) = usb_serial::start(usb::Driver::new(chip.USB, Interrupts));
     let identity = record.identity(faults::build(), RoscRng.next_u32());

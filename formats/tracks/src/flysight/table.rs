@@ -33,6 +33,8 @@ pub(super) struct Tables<'a> {
     columns: BTreeMap<String, Vec<String>>,
     /// Names of the sensors that have rows.
     sensors: Vec<&'a [u8]>,
+    /// The sensors among them whose columns were known, and their places.
+    marked: Vec<(&'a [u8], usize)>,
     rows: Vec<Stored>,
     /// Whether a FlySight 2 wrote the file.
     pub(super) is_second_generation: bool,
@@ -72,6 +74,7 @@ impl<'a> Tables<'a> {
             text,
             columns: BTreeMap::new(),
             sensors: Vec::new(),
+            marked: Vec::new(),
             rows: Vec::new(),
             is_second_generation: text.starts_with(b"$FLYS"),
         };
@@ -90,6 +93,20 @@ impl<'a> Tables<'a> {
 
     fn add(&mut self, line: u64, row: Range<usize>) {
         let bytes = &self.text[row.clone()];
+        // Most rows are of a sensor that had rows before.
+        let own = self.marked.iter().find_map(|&(name, sensor)| {
+            let rest = bytes.strip_prefix(b"$")?.strip_prefix(name)?;
+            Some((rest.strip_prefix(b",")?, sensor))
+        });
+        if let Some((rest, sensor)) = own {
+            self.rows.push(Stored {
+                line,
+                sensor,
+                bytes: row.end - rest.len()..row.end,
+                most_fields: MOST_FIELDS - 1,
+            });
+            return;
+        }
         let first_end = memchr::memchr(b',', bytes).unwrap_or(bytes.len());
         let first = bytes[..first_end].trim_ascii();
         let after_first = (row.start + first_end + 1).min(row.end)..row.end;
@@ -97,9 +114,12 @@ impl<'a> Tables<'a> {
             let name = core::str::from_utf8(sensor);
             name.is_ok_and(|name| self.columns.contains_key(name))
         });
-        // Most rows begin with a digit, or with the name of a sensor whose columns are known.
-        if let Some(sensor) = marked {
-            self.keep(line, sensor, after_first, MOST_FIELDS - 1);
+        // Others begin with a digit, or with the name of a sensor whose columns are known.
+        if let Some(name) = marked {
+            let sensor = self.keep(line, name, after_first, MOST_FIELDS - 1);
+            if !self.marked.iter().any(|(known, _)| *known == name) {
+                self.marked.push((name, sensor));
+            }
             return;
         }
         let is_row = first.first().is_some_and(u8::is_ascii_digit);
@@ -119,14 +139,25 @@ impl<'a> Tables<'a> {
                     self.columns.insert(sensor, names.collect());
                 }
             }
-            [b'$', sensor @ ..] => self.keep(line, sensor, after_first, MOST_FIELDS - 1),
+            [b'$', sensor @ ..] => {
+                self.keep(line, sensor, after_first, MOST_FIELDS - 1);
+            }
             _ if self.rows.is_empty() && has(b"(m/s)") => {}
             b"" if self.rows.is_empty() => {}
-            _ => self.keep(line, b"GNSS", row, MOST_FIELDS),
+            _ => {
+                self.keep(line, b"GNSS", row, MOST_FIELDS);
+            }
         }
     }
 
-    fn keep(&mut self, line: u64, sensor: &'a [u8], bytes: Range<usize>, most_fields: usize) {
+    /// Keeps a row; returns the place of its sensor.
+    fn keep(
+        &mut self,
+        line: u64,
+        sensor: &'a [u8],
+        bytes: Range<usize>,
+        most_fields: usize,
+    ) -> usize {
         let known = self.sensors.iter().position(|known| *known == sensor);
         let sensor = known.unwrap_or_else(|| {
             self.sensors.push(sensor);
@@ -138,6 +169,7 @@ impl<'a> Tables<'a> {
             bytes,
             most_fields,
         });
+        sensor
     }
 
     /// Columns of a sensor by their names.
@@ -199,28 +231,47 @@ impl<'a> Row<'a> {
         }
     }
 
+    /// The field in a column, if there is one.
+    #[inline]
+    fn found(&self, column: Column) -> Option<&'a [u8]> {
+        let place = column.place.filter(|place| *place < self.count)?;
+        let bytes = self.bytes;
+        Some(bytes[self.begins[place]..self.begins[place + 1] - 1].trim_ascii())
+    }
+
     /// The field in a column.
     pub(super) fn field(&self, column: Column) -> Result<&'a [u8], String> {
-        let name = column.name;
-        let place = column
-            .place
-            .ok_or_else(|| format!("no column \"{name}\""))?;
-        if place >= self.count {
-            return Err(format!("the row ends before \"{name}\""));
-        }
-        let bytes = self.bytes;
-        Ok(bytes[self.begins[place]..self.begins[place + 1] - 1].trim_ascii())
+        self.found(column).ok_or_else(|| {
+            let name = column.name;
+            match column.place {
+                None => format!("no column \"{name}\""),
+                Some(_) => format!("the row ends before \"{name}\""),
+            }
+        })
+    }
+
+    /// The number in a column, if there is one.
+    pub(super) fn optional(&self, column: Column) -> Option<f64> {
+        self.found(column)?;
+        self.number(column).ok()
     }
 
     /// The number in a column.
+    #[inline]
     pub(super) fn number(&self, column: Column) -> Result<f64, String> {
-        let field = self.field(column)?;
-        if let Some((number, length)) = text::leading_number(field)
+        if let Some(field) = self.found(column)
+            && let Some((number, length)) = text::leading_number(field)
             && length == field.len()
         {
             return Ok(number);
         }
-        let field = lossy(field);
+        self.unusual_number(column)
+    }
+
+    /// The same for numbers in other forms, and for what is none.
+    #[cold]
+    fn unusual_number(&self, column: Column) -> Result<f64, String> {
+        let field = lossy(self.field(column)?);
         let number: Option<f64> = field.parse().ok();
         number
             .filter(|number| number.is_finite())
