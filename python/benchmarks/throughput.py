@@ -1,12 +1,12 @@
 """Steps per second of bodyflight and other programs on one core, in one run, and actions per second of 1,024 environments.
 
-    pip install mujoco pin jsbsim
+    pip install mujoco pin biorbd jsbsim
     python benchmarks/throughput.py [--seconds 3]
     RAYON_NUM_THREADS=2 python benchmarks/throughput.py --only environments
 
 All but JSBSim move 16 segments with the same masses, lengths and joints in steps of 1/240 s, but they do not compute the same. In bodyflight
 the joint angles are given, by a recording or a policy, and the air acts on every segment. The others solve for 45 joint accelerations:
-MuJoCo with ellipsoids in a fluid, pinocchio without air. JSBSim moves a single rigid body, a falling ball with drag. The table compares the cost of a flight, not the quality of the programs.
+MuJoCo with ellipsoids in a fluid, pinocchio and biorbd without air. JSBSim moves a single rigid body, a falling ball with drag. The table compares the cost of a flight, not the quality of the programs.
 """
 
 import argparse
@@ -151,6 +151,45 @@ def of_pinocchio(seconds):
     return rate(single, seconds)
 
 
+def biorbd_model():
+    """Returns the body as the text of a model of biorbd; its joints are three Euler angles each."""
+    table = dict(zip(bodyflight.Subject.segments, bodyflight.Subject().segment_table()))
+    lines = ["version 4"]
+    for segment, (mass, length) in table.items():
+        half = max(0.02, 0.5 * length)
+        across, along = 0.2 * mass * (0.06**2 + half**2), 0.4 * mass * 0.06**2
+        lines.append(f"segment {segment}")
+        if segment == "pelvis":
+            lines.append("translations xyz")
+        else:
+            above = parent(segment)
+            lines += [f"parent {above}", "RTinMatrix 0", f"RT 0 0 0 xyz 0 0 {-table[above][1]}"]
+        inertia = f"{across} 0 0 0 {across} 0 0 0 {along}"
+        lines += ["rotations xyz", f"mass {mass}", f"inertia {inertia}", f"com 0 0 {-0.5 * length}", "endsegment"]
+    return "\n".join(lines)
+
+
+def of_biorbd(seconds):
+    import biorbd
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "skydiver.bioMod")
+        with open(path, "w") as file:
+            file.write(biorbd_model())
+        model = biorbd.Model(path)
+    assert model.nbQ() == 6 + 45
+    torque = np.zeros(model.nbQ())
+
+    def single():
+        q, v = np.zeros(model.nbQ()), np.zeros(model.nbQ())
+        for _ in range(500):
+            v = v + STEP * model.ForwardDynamics(q, v, torque).to_array()
+            q = q + STEP * v
+        return 500
+
+    return rate(single, seconds)
+
+
 @contextlib.contextmanager
 def silenced():
     """Discards what a library prints to standard output and error, and the files that it writes where it runs."""
@@ -231,6 +270,7 @@ def print_programs(seconds):
     print(f"| bodyflight; 1,024 bodies | {ours[0]:,.0f} | {ours[1]:,.0f} | |", flush=True)
     print_peer("MuJoCo, Euler; `rollout` of 64", lambda: of_mujoco(seconds), ours)
     print_peer("pinocchio, `aba` and `integrate`", lambda: of_pinocchio(seconds), ours)
+    print_peer("biorbd, `ForwardDynamics`", lambda: of_biorbd(seconds), ours)
     print_peer("JSBSim, a ball", lambda: of_jsbsim(seconds), ours)
 
 
