@@ -1,6 +1,6 @@
 """All benchmarks of the package in one run: prints the tables of docs/benchmarks.md and docs/scale.md, or writes them there.
 
-    pip install mujoco pin jsbsim distributed pandas pyarrow gymnasium
+    pip install mujoco pin biorbd jsbsim distributed pandas pyarrow gymnasium
     python benchmarks/run.py [--seconds 3] [--only sweep] [--write]
 
 Programs that are not installed are left out, and named. Each benchmark is a process of its own, since the package's threads are
