@@ -163,4 +163,6 @@ pub(crate) struct WeightedStretch {
     pub(crate) inverse: DMatrix<f64>,
     /// The columns of the constants, multiplied by the inverse.
     pub(crate) pulled: DMatrix<f64>,
+    /// Logarithm of the determinant of the covariance.
+    pub(crate) ln_determinant: f64,
 }

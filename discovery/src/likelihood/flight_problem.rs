@@ -22,6 +22,7 @@ use crate::likelihood::linear_fit::LinearFit;
 use crate::likelihood::prior::{Prior, fixed_by};
 use crate::likelihood::schur::SchurComplement;
 use crate::likelihood::variance_components::{self, FittedErrors};
+use crate::likelihood::weighed_flight::WeighedFlight;
 use crate::progress::{Progress, check};
 use crate::shooting::smoothed_start::{is_short, stretches};
 use crate::shooting::stretch::Stretch;
@@ -140,9 +141,8 @@ impl<'a> FlightProblem<'a> {
                 FIRST_STEPS
             };
             let slopes_at = Arc::new(point.clone());
-            let found_errors = errors.as_ref();
-            let Some(fitted) =
-                self.fitted(parts, (point, slopes_at), found_errors, steps, progress)?
+            let start = (errors.as_ref(), None);
+            let Some(fitted) = self.fitted(parts, (point, slopes_at), start, steps, progress)?
             else {
                 return Ok(None);
             };
@@ -162,7 +162,10 @@ impl<'a> FlightProblem<'a> {
         let point = LinearizationPoint::files();
         let slopes_at = Arc::new(point.clone());
         match self.linearized(&point, progress)? {
-            Some(parts) => self.fitted(parts, (point, slopes_at), None, FIRST_STEPS, progress),
+            Some(parts) => {
+                let start = (None, None);
+                self.fitted(parts, (point, slopes_at), start, FIRST_STEPS, progress)
+            }
             None => Ok(None),
         }
     }
@@ -193,9 +196,9 @@ impl<'a> FlightProblem<'a> {
         check(progress)?;
         match parts {
             Some(parts) => {
-                let errors = Some(&fitted.errors);
+                let start = (Some(&fitted.errors), Some(&fitted.whitened.weighed));
                 let points = (point, fitted.slopes_at.clone());
-                self.fitted(parts, points, errors, FURTHER_STEPS, progress)
+                self.fitted(parts, points, start, FURTHER_STEPS, progress)
             }
             None => Ok(None),
         }
@@ -254,19 +257,18 @@ impl<'a> FlightProblem<'a> {
         &self,
         parts: Vec<StretchFactor>,
         (point, slopes_at): (LinearizationPoint, Arc<LinearizationPoint>),
-        errors: Option<&FittedErrors>,
+        start: (Option<&FittedErrors>, Option<&Arc<WeighedFlight>>),
         steps: usize,
         progress: &dyn Progress,
     ) -> Result<Option<LinearFit>> {
         let prior = self.prior.given(&point.effects);
-        let estimate = variance_components::fit(&parts, &prior, errors, steps, progress);
+        let estimate = variance_components::fit_from(&parts, &prior, start, steps, progress);
         check(progress)?;
         let Some(estimate) = estimate else {
             return Ok(None);
         };
         let prior_deviations = estimate.errors.prior_deviations;
-        let whitened =
-            SchurComplement::new(estimate.weighed, &estimate.information, &prior_deviations);
+        let whitened = SchurComplement::new(estimate.weighed, &prior_deviations);
         Ok(whitened.map(|whitened| LinearFit {
             point,
             slopes_at,
