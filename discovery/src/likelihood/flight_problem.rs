@@ -6,18 +6,17 @@ use crate::named_effect::EffectSet;
 use bodyflight_core::dynamics::applied_load::AppliedLoads;
 use bodyflight_core::effect::Model;
 use bodyflight_core::tolerances::Tolerances;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::input::flight::RecordedFlight;
 use crate::input::sensor_noise::recorded_noise;
 use crate::jacobian::effect_parameters::{ParameterId, all_parameters, random};
-use crate::jacobian::finite_difference::{
-    effects_alone, effects_and_residual, linearized, random_effects, residual,
-};
+use crate::jacobian::finite_difference::{effects_alone, linearized, random_effects, residual};
 use crate::jacobian::linearization_point::LinearizationPoint;
 use crate::likelihood::factor::StretchFactor;
+use crate::likelihood::known_residuals::KnownResiduals;
 use crate::likelihood::linear_fit::LinearFit;
 use crate::likelihood::prior::{Prior, fixed_by};
 use crate::likelihood::schur::SchurComplement;
@@ -63,6 +62,7 @@ pub struct FlightProblem<'a> {
     pub prior: Prior,
     /// Weight of each stretch.
     weights: Vec<f64>,
+    known: KnownResiduals,
 }
 
 impl<'a> FlightProblem<'a> {
@@ -78,7 +78,22 @@ impl<'a> FlightProblem<'a> {
             stretches,
             noise,
             prior: Prior::new(&noise, tolerances, is_short(track)),
+            known: KnownResiduals::default(),
         }
+    }
+
+    /// The residual of each stretch. Returns `None` if the search was cancelled.
+    fn residuals(
+        &self,
+        point: &LinearizationPoint,
+        progress: &dyn Progress,
+    ) -> Option<Arc<[DVector<f64>]>> {
+        let of = |stretch: &Stretch| {
+            check(progress).ok()?;
+            Some(residual(self.track, stretch, &self.plain, point))
+        };
+        self.known
+            .at(point, || self.stretches.par_iter().map(of).collect())
     }
 
     fn linearized(
@@ -86,13 +101,17 @@ impl<'a> FlightProblem<'a> {
         point: &LinearizationPoint,
         progress: &dyn Progress,
     ) -> Result<Option<Vec<StretchFactor>>> {
+        let Some(residuals) = self.residuals(point, progress) else {
+            return Err(Error::Cancelled);
+        };
         let parts: Option<Vec<StretchFactor>> = self
             .stretches
             .par_iter()
             .zip(&self.weights)
-            .map(|(stretch, weight)| {
+            .zip(&*residuals)
+            .map(|((stretch, weight), residual)| {
                 check(progress).ok()?;
-                let columns = linearized(self.track, stretch, &self.plain, point)?;
+                let columns = linearized(self.track, stretch, &self.plain, point, residual)?;
                 let mut part = StretchFactor::new(stretch, columns, point);
                 part.weight = *weight;
                 let random = random(&point.effects);
@@ -108,11 +127,11 @@ impl<'a> FlightProblem<'a> {
     /// Drops stretches in which the simulation diverges.
     pub fn without_stretches_beyond_numbers(&mut self, point: &LinearizationPoint) {
         let flies = |stretch: &Stretch| {
-            effects_and_residual(self.track, stretch, &self.plain, point, &[])
-                .iter()
-                .all(|value| value.is_finite())
+            let residual = residual(self.track, stretch, &self.plain, point);
+            residual.iter().all(|value| value.is_finite())
         };
         self.stretches.retain(flies);
+        self.known = KnownResiduals::default();
         self.weights = vec![1.0; self.stretches.len()];
     }
 
@@ -182,15 +201,16 @@ impl<'a> FlightProblem<'a> {
         progress: &dyn Progress,
     ) -> Result<Option<LinearFit>> {
         let point = unaliased(point.clone());
-        let parts: Option<Vec<StretchFactor>> = self
-            .stretches
+        let Some(residuals) = self.residuals(&point, progress) else {
+            return Err(Error::Cancelled);
+        };
+        let parts: Option<Vec<StretchFactor>> = fitted
+            .parts
             .par_iter()
-            .zip(&fitted.parts)
-            .map(|(stretch, part)| {
-                check(progress).ok()?;
-                let residual = residual(self.track, stretch, &self.plain, &point);
+            .zip(&*residuals)
+            .map(|(part, residual)| {
                 let finite = residual.iter().all(|value| value.is_finite());
-                finite.then(|| part.clone().around(&residual, &point))
+                finite.then(|| part.clone().around(residual, &point))
             })
             .collect();
         check(progress)?;
@@ -367,10 +387,12 @@ impl<'a> FlightProblem<'a> {
         if point.model(&self.plain) == fitted.point.model(&self.plain) {
             return finite(self.columns_at(&point, fitted, parameters, progress)?);
         }
-        self.columns_of(fitted, &point, |stretch| {
+        let residuals = self.residuals(&point, progress)?;
+        self.columns_of(fitted, &point, |k, stretch| {
             check(progress).ok()?;
-            let track = self.track;
-            let columns = effects_and_residual(track, stretch, &self.plain, &point, parameters);
+            let slopes = effects_alone(self.track, stretch, &self.plain, &point, parameters);
+            let mut columns = slopes.insert_column(parameters.len(), 0.0);
+            columns.set_column(parameters.len(), &residuals[k]);
             Some(columns)
         })
     }
@@ -391,7 +413,7 @@ impl<'a> FlightProblem<'a> {
         point: &LinearizationPoint,
         columns: impl Fn(&Stretch) -> Option<DMatrix<f64>> + Sync,
     ) -> Option<DMatrix<f64>> {
-        let columns = self.columns_of(fitted, point, columns)?;
+        let columns = self.columns_of(fitted, point, |_, stretch| columns(stretch))?;
         Some(fitted.whitened.reduced(&columns))
     }
 
@@ -399,14 +421,15 @@ impl<'a> FlightProblem<'a> {
         &self,
         fitted: &LinearFit,
         point: &LinearizationPoint,
-        columns: impl Fn(&Stretch) -> Option<DMatrix<f64>> + Sync,
+        columns: impl Fn(usize, &Stretch) -> Option<DMatrix<f64>> + Sync,
     ) -> Option<Vec<DMatrix<f64>>> {
         let around = point.constants();
         self.stretches
             .par_iter()
             .zip(&fitted.parts)
-            .map(|(stretch, part)| {
-                let mut columns = columns(stretch)?;
+            .enumerate()
+            .map(|(k, (stretch, part))| {
+                let mut columns = columns(k, stretch)?;
                 let last = columns.ncols() - 1;
                 let mut residual = columns.column_mut(last);
                 residual += &*part.constants * &around + &part.wandered;
