@@ -82,18 +82,18 @@ impl<'a> FlightProblem<'a> {
         }
     }
 
-    /// The residual of each stretch. Returns `None` if the search was cancelled.
+    /// The residual of each stretch, or an error if the search was cancelled.
     fn residuals(
         &self,
         point: &LinearizationPoint,
         progress: &dyn Progress,
-    ) -> Option<Arc<[DVector<f64>]>> {
+    ) -> Result<Arc<[DVector<f64>]>> {
         let of = |stretch: &Stretch| {
             check(progress).ok()?;
             Some(residual(self.track, stretch, &self.plain, point))
         };
-        self.known
-            .at(point, || self.stretches.par_iter().map(of).collect())
+        let each = || self.stretches.par_iter().map(of).collect();
+        self.known.at(point, each).ok_or(Error::Cancelled)
     }
 
     fn linearized(
@@ -101,9 +101,7 @@ impl<'a> FlightProblem<'a> {
         point: &LinearizationPoint,
         progress: &dyn Progress,
     ) -> Result<Option<Vec<StretchFactor>>> {
-        let Some(residuals) = self.residuals(point, progress) else {
-            return Err(Error::Cancelled);
-        };
+        let residuals = self.residuals(point, progress)?;
         let parts: Option<Vec<StretchFactor>> = self
             .stretches
             .par_iter()
@@ -201,9 +199,7 @@ impl<'a> FlightProblem<'a> {
         progress: &dyn Progress,
     ) -> Result<Option<LinearFit>> {
         let point = unaliased(point.clone());
-        let Some(residuals) = self.residuals(&point, progress) else {
-            return Err(Error::Cancelled);
-        };
+        let residuals = self.residuals(&point, progress)?;
         let parts: Option<Vec<StretchFactor>> = fitted
             .parts
             .par_iter()
@@ -387,7 +383,7 @@ impl<'a> FlightProblem<'a> {
         if point.model(&self.plain) == fitted.point.model(&self.plain) {
             return finite(self.columns_at(&point, fitted, parameters, progress)?);
         }
-        let residuals = self.residuals(&point, progress)?;
+        let residuals = self.residuals(&point, progress).ok()?;
         self.columns_of(fitted, &point, |k, stretch| {
             check(progress).ok()?;
             let slopes = effects_alone(self.track, stretch, &self.plain, &point, parameters);
