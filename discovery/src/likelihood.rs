@@ -12,4 +12,3 @@ pub(crate) mod random_effect_fit;
 pub(crate) mod reml;
 pub(crate) mod schur;
 pub(crate) mod variance_components;
-pub(crate) mod weighed_flight;

@@ -12,16 +12,16 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::input::flight::RecordedFlight;
 use crate::input::sensor_noise::recorded_noise;
+use crate::jacobian::columns::finite;
 use crate::jacobian::effect_parameters::{ParameterId, all_parameters, random};
 use crate::jacobian::finite_difference::{effects_alone, linearized, random_effects, residual};
 use crate::jacobian::linearization_point::LinearizationPoint;
-use crate::likelihood::factor::StretchFactor;
+use crate::likelihood::factor::{StretchFactor, WeighedFlight};
 use crate::likelihood::known_residuals::KnownResiduals;
 use crate::likelihood::linear_fit::LinearFit;
-use crate::likelihood::prior::{Prior, fixed_by};
+use crate::likelihood::prior::{Prior, unaliased};
 use crate::likelihood::schur::SchurComplement;
 use crate::likelihood::variance_components::{self, FittedErrors};
-use crate::likelihood::weighed_flight::WeighedFlight;
 use crate::progress::{Progress, check};
 use crate::shooting::smoothed_start::{is_short, stretches};
 use crate::shooting::stretch::Stretch;
@@ -129,7 +129,6 @@ impl<'a> FlightProblem<'a> {
             residual.iter().all(|value| value.is_finite())
         };
         self.stretches.retain(flies);
-        self.known = KnownResiduals::default();
         self.weights = vec![1.0; self.stretches.len()];
     }
 
@@ -178,13 +177,11 @@ impl<'a> FlightProblem<'a> {
     pub fn first(&self, progress: &dyn Progress) -> Result<Option<LinearFit>> {
         let point = LinearizationPoint::files();
         let slopes_at = Arc::new(point.clone());
-        match self.linearized(&point, progress)? {
-            Some(parts) => {
-                let start = (None, None);
-                self.fitted(parts, (point, slopes_at), start, FIRST_STEPS, progress)
-            }
-            None => Ok(None),
-        }
+        let Some(parts) = self.linearized(&point, progress)? else {
+            return Ok(None);
+        };
+        let start = (None, None);
+        self.fitted(parts, (point, slopes_at), start, FIRST_STEPS, progress)
     }
 
     /// Fits the errors around another point, reusing the slopes of a fit. Only the residual is simulated again, which
@@ -200,24 +197,19 @@ impl<'a> FlightProblem<'a> {
     ) -> Result<Option<LinearFit>> {
         let point = unaliased(point.clone());
         let residuals = self.residuals(&point, progress)?;
-        let parts: Option<Vec<StretchFactor>> = fitted
-            .parts
-            .par_iter()
-            .zip(&*residuals)
-            .map(|(part, residual)| {
-                let finite = residual.iter().all(|value| value.is_finite());
-                finite.then(|| part.clone().around(residual, &point))
-            })
-            .collect();
+        let around = |(part, residual): (&StretchFactor, &DVector<f64>)| {
+            let finite = residual.iter().all(|value| value.is_finite());
+            finite.then(|| part.clone().around(residual, &point))
+        };
+        let each = fitted.parts.par_iter().zip(&*residuals);
+        let parts: Option<Vec<StretchFactor>> = each.map(around).collect();
         check(progress)?;
-        match parts {
-            Some(parts) => {
-                let start = (Some(&fitted.errors), Some(&fitted.whitened.weighed));
-                let points = (point, fitted.slopes_at.clone());
-                self.fitted(parts, points, start, FURTHER_STEPS, progress)
-            }
-            None => Ok(None),
-        }
+        let Some(parts) = parts else {
+            return Ok(None);
+        };
+        let start = (Some(&fitted.errors), Some(&fitted.whitened.weighed));
+        let points = (point, fitted.slopes_at.clone());
+        self.fitted(parts, points, start, FURTHER_STEPS, progress)
     }
 
     /// Repeats the fit around the constants it found until they converge, because likelihoods at other points of
@@ -434,18 +426,4 @@ impl<'a> FlightProblem<'a> {
             })
             .collect()
     }
-}
-
-/// The point without errors of the subject that its effects stand for.
-fn unaliased(mut point: LinearizationPoint) -> LinearizationPoint {
-    for k in fixed_by(&point.effects) {
-        point.subject.0[k] = 0.0;
-    }
-    point
-}
-
-/// The columns, unless a simulation diverged.
-fn finite(columns: Vec<DMatrix<f64>>) -> Option<Vec<DMatrix<f64>>> {
-    let mut values = columns.iter().flatten();
-    values.all(|value| value.is_finite()).then_some(columns)
 }

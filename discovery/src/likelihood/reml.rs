@@ -8,12 +8,13 @@ use rayon::prelude::*;
 use crate::jacobian::layout::{COMPONENTS, Components};
 use crate::jacobian::linearization_point::CONSTANTS;
 use crate::jacobian::symmetric::Symmetric;
-use crate::likelihood::factor::{StretchFactor, WeightedStretch};
+use crate::likelihood::factor::{
+    StretchFactor, TOGETHER, WeighedFlight, WeightedStretch, inverse_triangle,
+};
 use crate::likelihood::gemm::{
     by_triangle, product, square, square_of_triangle, transposed_product,
 };
 use crate::likelihood::prior::{Prior, PriorDeviations, subject_precision};
-use crate::likelihood::weighed_flight::{TOGETHER, WeighedFlight, inverse_triangle};
 use crate::shooting::joint_error::JOINTS;
 
 /// Weight of the tolerances when the spread of the joint errors is estimated: they count as much as this many joint

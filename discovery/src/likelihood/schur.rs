@@ -7,9 +7,9 @@ use rayon::prelude::*;
 
 use crate::jacobian::linearization_point::{CONSTANTS, OWN};
 use crate::jacobian::subject_error::SUBJECT;
+use crate::likelihood::factor::WeighedFlight;
 use crate::likelihood::gemm::{product, transposed_product};
 use crate::likelihood::prior::PriorDeviations;
-use crate::likelihood::weighed_flight::WeighedFlight;
 
 /// A whitened problem, prepared for marginalizing the constants of its flight.
 pub(crate) struct SchurComplement {

@@ -13,10 +13,9 @@ use rayon::prelude::*;
 use crate::jacobian::layout::{COMPONENTS, Components};
 use crate::jacobian::linearization_point::{LinearizationPoint, OWN, StretchErrors};
 use crate::jacobian::subject_error::{SUBJECT, Subject};
-use crate::likelihood::factor::{StretchFactor, WeightedStretch};
+use crate::likelihood::factor::{StretchFactor, WeighedFlight, WeightedStretch};
 use crate::likelihood::prior::{Prior, PriorDeviations, wander};
 use crate::likelihood::reml::RemlEvaluation;
-use crate::likelihood::weighed_flight::WeighedFlight;
 use crate::progress::Progress;
 use crate::shooting::joint_error::{JOINTS, JointErrors};
 
