@@ -5,6 +5,7 @@ pub(crate) mod factor;
 pub(crate) mod flight_problem;
 pub(crate) mod gauss_newton;
 pub(crate) mod gemm;
+pub(crate) mod known_residuals;
 pub(crate) mod linear_fit;
 pub(crate) mod prior;
 pub(crate) mod random_effect_fit;

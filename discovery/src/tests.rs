@@ -236,7 +236,8 @@ fn the_fit_of_errors_is_at_a_maximum() {
         .stretches
         .iter()
         .map(|stretch| {
-            let columns = linearized(&track, stretch, &problem.plain, &point).unwrap();
+            let found = residual(&track, stretch, &problem.plain, &point);
+            let columns = linearized(&track, stretch, &problem.plain, &point, &found).unwrap();
             StretchFactor::new(stretch, columns, &point)
         })
         .collect();

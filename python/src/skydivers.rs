@@ -23,7 +23,7 @@ use crate::problem::raise;
 use crate::side_by_side::{Flights, SIDE_BY_SIDE, columns, write_rows};
 use crate::skydiver::{Course, MOVING, NUMBERS, Skydiver};
 use crate::subject::Subject;
-use crate::threads::threads;
+use crate::threads::{on_all_cores, threads};
 
 /// Smallest number of neighbouring fours that a thread flies in one go, so that threads have enough to do.
 pub(crate) const RUN: usize = 16;
@@ -156,31 +156,27 @@ impl Skydivers {
             let (of_fours, last_loads) = loads.split_at(loads.len().min(flights.of_fours()));
             let pool = threads(py)?;
             py.detach(|| {
-                // One, two or three wake no other thread.
-                if !flights.fours.is_empty() {
-                    pool.install(|| {
-                        flights
-                            .fours
-                            .par_iter_mut()
-                            .zip(actions.par_iter().zip(rows.par_iter_mut()))
-                            .enumerate()
-                            .with_min_len(RUN)
-                            .for_each_init(
-                                || (PostureSample::blank(), PostureSample::blank()),
-                                |(sample, single), (index, (four, (actions, rows)))| {
-                                    let loads = of_fours.get(index * SIDE_BY_SIDE..);
-                                    let loads = loads.and_then(|loads| loads.first_chunk());
-                                    match loads {
-                                        Some(loads) => {
-                                            course.fly_four_under(loads, four, actions, single)
-                                        }
-                                        None => course_of_four.fly(four, &columns(actions), sample),
+                on_all_cores(pool, &mut flights.fours, |fours| {
+                    fours
+                        .par_iter_mut()
+                        .zip(actions.par_iter().zip(rows.par_iter_mut()))
+                        .enumerate()
+                        .with_min_len(RUN)
+                        .for_each_init(
+                            || (PostureSample::blank(), PostureSample::blank()),
+                            |(sample, single), (index, (four, (actions, rows)))| {
+                                let loads = of_fours.get(index * SIDE_BY_SIDE..);
+                                let loads = loads.and_then(|loads| loads.first_chunk());
+                                match loads {
+                                    Some(loads) => {
+                                        course.fly_four_under(loads, four, actions, single)
                                     }
-                                    write_rows(&observation(&four.motion), rows);
-                                },
-                            );
-                    });
-                }
+                                    None => course_of_four.fly(four, &columns(actions), sample),
+                                }
+                                write_rows(&observation(&four.motion), rows);
+                            },
+                        );
+                });
                 let mut sample = PostureSample::blank();
                 let last = flights.rest.iter_mut().zip(last_actions).zip(last_rows);
                 for (index, ((flight, action), row)) in last.enumerate() {

@@ -13,6 +13,7 @@ use crate::side_by_side::{Flights, SIDE_BY_SIDE, Together, columns};
 use crate::skydiver::Course;
 use crate::skydivers::RUN;
 use crate::task::{Environment, Judged, TERMS, Task, WIDTH};
+use crate::threads::on_all_cores;
 
 /// Where results of neighbouring environments are written, one of each for every environment.
 pub(crate) struct Rows<'a> {
@@ -102,16 +103,13 @@ pub(crate) fn fly(
         runs.push(run);
         others = after;
     }
-    // One, two or three wake no other thread.
-    if !all.fours.is_empty() {
-        pool.install(|| {
-            let fours = all.fours.par_chunks_mut(RUN).zip(runs).enumerate();
-            fours.for_each_init(PostureSample::blank, |sample, (run, (fours, mut rows))| {
-                let given = given.from(run * RUN * SIDE_BY_SIDE);
-                fly_fours(course_of_four, task, fours, given, &mut rows, sample);
-            });
+    on_all_cores(pool, &mut all.fours, |fours| {
+        let fours = fours.par_chunks_mut(RUN).zip(runs).enumerate();
+        fours.for_each_init(PostureSample::blank, |sample, (run, (fours, mut rows))| {
+            let given = given.from(run * RUN * SIDE_BY_SIDE);
+            fly_fours(course_of_four, task, fours, given, &mut rows, sample);
         });
-    }
+    });
     let given = given.from(all.of_fours());
     let mut sample = PostureSample::blank();
     let alone = all.rest.iter_mut();

@@ -34,3 +34,15 @@ pub(crate) fn threads(_locked: Python<'_>) -> PyResult<&'static ThreadPool> {
     *threads = Some((own, pool));
     Ok(pool)
 }
+
+/// Does the work on flights side by side on the threads of a pool. One, two or three flights are not side by side and wake
+/// no thread.
+pub(crate) fn on_all_cores<F: Send>(
+    pool: &ThreadPool,
+    fours: &mut [F],
+    work: impl FnOnce(&mut [F]) + Send,
+) {
+    if !fours.is_empty() {
+        pool.install(|| work(fours));
+    }
+}

@@ -38,3 +38,9 @@ impl Jacobian {
             && others.into_iter().chain(&self.joints).all(finite)
     }
 }
+
+/// The columns, unless a simulation diverged.
+pub(crate) fn finite(columns: Vec<DMatrix<f64>>) -> Option<Vec<DMatrix<f64>>> {
+    let mut values = columns.iter().flatten();
+    values.all(|value| value.is_finite()).then_some(columns)
+}

@@ -38,12 +38,14 @@ fn collected(
     matrix
 }
 
-/// Computes all derivatives of a stretch but those of effects. Returns `None` if a simulation diverges.
+/// Computes all derivatives of a stretch, whose residual is known, but those of effects. Returns `None` if a simulation
+/// diverges.
 pub(crate) fn linearized(
     track: &RecordedFlight,
     stretch: &Stretch,
     plain: &Model<f64>,
     point: &LinearizationPoint,
+    residual: &DVector<f64>,
 ) -> Option<Jacobian> {
     let likely = point.start_in(stretch);
     let wrong = point.joints_in(stretch);
@@ -92,7 +94,7 @@ pub(crate) fn linearized(
         })
     };
     let columns = Jacobian {
-        residual: residual(track, stretch, plain, point),
+        residual: residual.clone(),
         gyro: gyro(track, stretch, &start),
         start,
         joints,
@@ -115,20 +117,6 @@ pub(crate) fn residual(
     let joints = point.joints_in(stretch);
     let flight = Simulator::new(track, stretch, &model, &joints, Steps::Short);
     flight.residual(&point.start_in(stretch), None)
-}
-
-/// Derivatives with respect to some parameters, and the residual in the last column.
-pub(crate) fn effects_and_residual(
-    track: &RecordedFlight,
-    stretch: &Stretch,
-    plain: &Model<f64>,
-    point: &LinearizationPoint,
-    parameters: &[ParameterId],
-) -> DMatrix<f64> {
-    let columns = effects_alone(track, stretch, plain, point, parameters);
-    let mut columns = columns.insert_column(parameters.len(), 0.0);
-    columns.set_column(parameters.len(), &residual(track, stretch, plain, point));
-    columns
 }
 
 /// Derivatives with respect to some parameters.

@@ -6,20 +6,20 @@ use crate::named_effect::EffectSet;
 use bodyflight_core::dynamics::applied_load::AppliedLoads;
 use bodyflight_core::effect::Model;
 use bodyflight_core::tolerances::Tolerances;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::input::flight::RecordedFlight;
 use crate::input::sensor_noise::recorded_noise;
+use crate::jacobian::columns::finite;
 use crate::jacobian::effect_parameters::{ParameterId, all_parameters, random};
-use crate::jacobian::finite_difference::{
-    effects_alone, effects_and_residual, linearized, random_effects, residual,
-};
+use crate::jacobian::finite_difference::{effects_alone, linearized, random_effects, residual};
 use crate::jacobian::linearization_point::LinearizationPoint;
-use crate::likelihood::factor::StretchFactor;
+use crate::likelihood::factor::{StretchFactor, WeighedFlight};
+use crate::likelihood::known_residuals::KnownResiduals;
 use crate::likelihood::linear_fit::LinearFit;
-use crate::likelihood::prior::{Prior, fixed_by};
+use crate::likelihood::prior::{Prior, unaliased};
 use crate::likelihood::schur::SchurComplement;
 use crate::likelihood::variance_components::{self, FittedErrors};
 use crate::progress::{Progress, check};
@@ -62,6 +62,7 @@ pub struct FlightProblem<'a> {
     pub prior: Prior,
     /// Weight of each stretch.
     weights: Vec<f64>,
+    known: KnownResiduals,
 }
 
 impl<'a> FlightProblem<'a> {
@@ -77,7 +78,22 @@ impl<'a> FlightProblem<'a> {
             stretches,
             noise,
             prior: Prior::new(&noise, tolerances, is_short(track)),
+            known: KnownResiduals::default(),
         }
+    }
+
+    /// The residual of each stretch, or an error if the search was cancelled.
+    fn residuals(
+        &self,
+        point: &LinearizationPoint,
+        progress: &dyn Progress,
+    ) -> Result<Arc<[DVector<f64>]>> {
+        let of = |stretch: &Stretch| {
+            check(progress).ok()?;
+            Some(residual(self.track, stretch, &self.plain, point))
+        };
+        let each = || self.stretches.par_iter().map(of).collect();
+        self.known.at(point, each).ok_or(Error::Cancelled)
     }
 
     fn linearized(
@@ -85,13 +101,15 @@ impl<'a> FlightProblem<'a> {
         point: &LinearizationPoint,
         progress: &dyn Progress,
     ) -> Result<Option<Vec<StretchFactor>>> {
+        let residuals = self.residuals(point, progress)?;
         let parts: Option<Vec<StretchFactor>> = self
             .stretches
             .par_iter()
             .zip(&self.weights)
-            .map(|(stretch, weight)| {
+            .zip(&*residuals)
+            .map(|((stretch, weight), residual)| {
                 check(progress).ok()?;
-                let columns = linearized(self.track, stretch, &self.plain, point)?;
+                let columns = linearized(self.track, stretch, &self.plain, point, residual)?;
                 let mut part = StretchFactor::new(stretch, columns, point);
                 part.weight = *weight;
                 let random = random(&point.effects);
@@ -107,9 +125,8 @@ impl<'a> FlightProblem<'a> {
     /// Drops stretches in which the simulation diverges.
     pub fn without_stretches_beyond_numbers(&mut self, point: &LinearizationPoint) {
         let flies = |stretch: &Stretch| {
-            effects_and_residual(self.track, stretch, &self.plain, point, &[])
-                .iter()
-                .all(|value| value.is_finite())
+            let residual = residual(self.track, stretch, &self.plain, point);
+            residual.iter().all(|value| value.is_finite())
         };
         self.stretches.retain(flies);
         self.weights = vec![1.0; self.stretches.len()];
@@ -140,9 +157,8 @@ impl<'a> FlightProblem<'a> {
                 FIRST_STEPS
             };
             let slopes_at = Arc::new(point.clone());
-            let found_errors = errors.as_ref();
-            let Some(fitted) =
-                self.fitted(parts, (point, slopes_at), found_errors, steps, progress)?
+            let start = (errors.as_ref(), None);
+            let Some(fitted) = self.fitted(parts, (point, slopes_at), start, steps, progress)?
             else {
                 return Ok(None);
             };
@@ -161,10 +177,11 @@ impl<'a> FlightProblem<'a> {
     pub fn first(&self, progress: &dyn Progress) -> Result<Option<LinearFit>> {
         let point = LinearizationPoint::files();
         let slopes_at = Arc::new(point.clone());
-        match self.linearized(&point, progress)? {
-            Some(parts) => self.fitted(parts, (point, slopes_at), None, FIRST_STEPS, progress),
-            None => Ok(None),
-        }
+        let Some(parts) = self.linearized(&point, progress)? else {
+            return Ok(None);
+        };
+        let start = (None, None);
+        self.fitted(parts, (point, slopes_at), start, FIRST_STEPS, progress)
     }
 
     /// Fits the errors around another point, reusing the slopes of a fit. Only the residual is simulated again, which
@@ -179,26 +196,20 @@ impl<'a> FlightProblem<'a> {
         progress: &dyn Progress,
     ) -> Result<Option<LinearFit>> {
         let point = unaliased(point.clone());
-        let parts: Option<Vec<StretchFactor>> = self
-            .stretches
-            .par_iter()
-            .zip(&fitted.parts)
-            .map(|(stretch, part)| {
-                check(progress).ok()?;
-                let residual = residual(self.track, stretch, &self.plain, &point);
-                let finite = residual.iter().all(|value| value.is_finite());
-                finite.then(|| part.clone().around(&residual, &point))
-            })
-            .collect();
+        let residuals = self.residuals(&point, progress)?;
+        let around = |(part, residual): (&StretchFactor, &DVector<f64>)| {
+            let finite = residual.iter().all(|value| value.is_finite());
+            finite.then(|| part.clone().around(residual, &point))
+        };
+        let each = fitted.parts.par_iter().zip(&*residuals);
+        let parts: Option<Vec<StretchFactor>> = each.map(around).collect();
         check(progress)?;
-        match parts {
-            Some(parts) => {
-                let errors = Some(&fitted.errors);
-                let points = (point, fitted.slopes_at.clone());
-                self.fitted(parts, points, errors, FURTHER_STEPS, progress)
-            }
-            None => Ok(None),
-        }
+        let Some(parts) = parts else {
+            return Ok(None);
+        };
+        let start = (Some(&fitted.errors), Some(&fitted.whitened.weighed));
+        let points = (point, fitted.slopes_at.clone());
+        self.fitted(parts, points, start, FURTHER_STEPS, progress)
     }
 
     /// Repeats the fit around the constants it found until they converge, because likelihoods at other points of
@@ -254,19 +265,18 @@ impl<'a> FlightProblem<'a> {
         &self,
         parts: Vec<StretchFactor>,
         (point, slopes_at): (LinearizationPoint, Arc<LinearizationPoint>),
-        errors: Option<&FittedErrors>,
+        start: (Option<&FittedErrors>, Option<&Arc<WeighedFlight>>),
         steps: usize,
         progress: &dyn Progress,
     ) -> Result<Option<LinearFit>> {
         let prior = self.prior.given(&point.effects);
-        let estimate = variance_components::fit(&parts, &prior, errors, steps, progress);
+        let estimate = variance_components::fit_from(&parts, &prior, start, steps, progress);
         check(progress)?;
         let Some(estimate) = estimate else {
             return Ok(None);
         };
         let prior_deviations = estimate.errors.prior_deviations;
-        let whitened =
-            SchurComplement::new(estimate.weighed, &estimate.information, &prior_deviations);
+        let whitened = SchurComplement::new(estimate.weighed, &prior_deviations);
         Ok(whitened.map(|whitened| LinearFit {
             point,
             slopes_at,
@@ -365,10 +375,12 @@ impl<'a> FlightProblem<'a> {
         if point.model(&self.plain) == fitted.point.model(&self.plain) {
             return finite(self.columns_at(&point, fitted, parameters, progress)?);
         }
-        self.columns_of(fitted, &point, |stretch| {
+        let residuals = self.residuals(&point, progress).ok()?;
+        self.columns_of(fitted, &point, |k, stretch| {
             check(progress).ok()?;
-            let track = self.track;
-            let columns = effects_and_residual(track, stretch, &self.plain, &point, parameters);
+            let slopes = effects_alone(self.track, stretch, &self.plain, &point, parameters);
+            let mut columns = slopes.insert_column(parameters.len(), 0.0);
+            columns.set_column(parameters.len(), &residuals[k]);
             Some(columns)
         })
     }
@@ -389,7 +401,7 @@ impl<'a> FlightProblem<'a> {
         point: &LinearizationPoint,
         columns: impl Fn(&Stretch) -> Option<DMatrix<f64>> + Sync,
     ) -> Option<DMatrix<f64>> {
-        let columns = self.columns_of(fitted, point, columns)?;
+        let columns = self.columns_of(fitted, point, |_, stretch| columns(stretch))?;
         Some(fitted.whitened.reduced(&columns))
     }
 
@@ -397,14 +409,15 @@ impl<'a> FlightProblem<'a> {
         &self,
         fitted: &LinearFit,
         point: &LinearizationPoint,
-        columns: impl Fn(&Stretch) -> Option<DMatrix<f64>> + Sync,
+        columns: impl Fn(usize, &Stretch) -> Option<DMatrix<f64>> + Sync,
     ) -> Option<Vec<DMatrix<f64>>> {
         let around = point.constants();
         self.stretches
             .par_iter()
             .zip(&fitted.parts)
-            .map(|(stretch, part)| {
-                let mut columns = columns(stretch)?;
+            .enumerate()
+            .map(|(k, (stretch, part))| {
+                let mut columns = columns(k, stretch)?;
                 let last = columns.ncols() - 1;
                 let mut residual = columns.column_mut(last);
                 residual += &*part.constants * &around + &part.wandered;
@@ -413,18 +426,4 @@ impl<'a> FlightProblem<'a> {
             })
             .collect()
     }
-}
-
-/// The point without errors of the subject that its effects stand for.
-fn unaliased(mut point: LinearizationPoint) -> LinearizationPoint {
-    for k in fixed_by(&point.effects) {
-        point.subject.0[k] = 0.0;
-    }
-    point
-}
-
-/// The columns, unless a simulation diverged.
-fn finite(columns: Vec<DMatrix<f64>>) -> Option<Vec<DMatrix<f64>>> {
-    let mut values = columns.iter().flatten();
-    values.all(|value| value.is_finite()).then_some(columns)
 }

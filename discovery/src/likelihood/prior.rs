@@ -5,7 +5,7 @@ use bodyflight_core::tolerances::Tolerances;
 use nalgebra::DVector;
 
 use crate::jacobian::layout::{COMPONENTS, Components, WANDER, WRENCH, components};
-use crate::jacobian::linearization_point::OWN;
+use crate::jacobian::linearization_point::{LinearizationPoint, OWN};
 use crate::jacobian::subject_error::{GYRO_SCALE, aliased, subject_deviations};
 use crate::shooting::joint_error::JOINTS;
 
@@ -160,4 +160,12 @@ pub(crate) fn subject_precision(tolerances: &Tolerances, fixed: &[usize]) -> DVe
 pub(crate) fn fixed_by(effects: &EffectSet) -> Vec<usize> {
     let each = effects.iter();
     each.flat_map(|(effect, _)| aliased(*effect)).collect()
+}
+
+/// The point without errors of the subject that its effects stand for.
+pub(crate) fn unaliased(mut point: LinearizationPoint) -> LinearizationPoint {
+    for k in fixed_by(&point.effects) {
+        point.subject.0[k] = 0.0;
+    }
+    point
 }

@@ -225,7 +225,7 @@ impl Series {
         let count = 3 * parts.len();
         let mut information = DMatrix::zeros(count, count);
         let mut shared = DMatrix::zeros(moments.constants.len(), count);
-        for (s, (weighed, fixed)) in moments.weighed.iter().zip(&fixed).enumerate() {
+        for (s, (weighed, fixed)) in moments.weighed.stretches.iter().zip(&fixed).enumerate() {
             let own = fixed.tr_mul(&(&weighed.inverse * fixed));
             information.view_mut((3 * s, 3 * s), (3, 3)).copy_from(&own);
             let with_constants = weighed.pulled.tr_mul(fixed);

@@ -1,14 +1,18 @@
 //! Likelihood of the errors for given variances, with slope and curvature.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SMatrix};
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector, SMatrix};
 use rayon::prelude::*;
 
 use crate::jacobian::layout::{COMPONENTS, Components};
 use crate::jacobian::linearization_point::CONSTANTS;
 use crate::jacobian::symmetric::Symmetric;
-use crate::likelihood::factor::{StretchFactor, WeightedStretch};
+use crate::likelihood::factor::{
+    StretchFactor, TOGETHER, WeighedFlight, WeightedStretch, inverse_triangle,
+};
 use crate::likelihood::gemm::{
-    add_symmetric, by_triangle, mirror, product, square, square_of_triangle, transposed_product,
+    by_triangle, product, square, square_of_triangle, transposed_product,
 };
 use crate::likelihood::prior::{Prior, PriorDeviations, subject_precision};
 use crate::shooting::joint_error::JOINTS;
@@ -16,63 +20,6 @@ use crate::shooting::joint_error::JOINTS;
 /// Weight of the tolerances when the spread of the joint errors is estimated: they count as much as this many joint
 /// angles.
 const TOLERANCE_WEIGHT: f64 = 45.0;
-
-/// Number of stretches that are added up together, whatever the number of threads, so that sums do not depend on it.
-const TOGETHER: usize = 4;
-
-/// Some weighted stretches and their contribution to the sums.
-struct Share {
-    weighed: Vec<WeightedStretch>,
-    /// But for blocks below the diagonal.
-    information: DMatrix<f64>,
-    slope: DVector<f64>,
-    /// Whitened squared residuals plus the logarithms of the determinants.
-    sum: f64,
-}
-
-impl Share {
-    fn new(parts: &[StretchFactor], sizes: &Components) -> Option<Self> {
-        let mut share = Self {
-            weighed: Vec::with_capacity(parts.len()),
-            information: DMatrix::zeros(CONSTANTS, CONSTANTS),
-            slope: DVector::zeros(CONSTANTS),
-            sum: 0.0,
-        };
-        for part in parts {
-            let factor = part.covariance(sizes)?;
-            let inverse = square_of_triangle(&inverse_triangle(&factor));
-            let pulled = product(&inverse, &part.constants);
-            add_symmetric(&part.constants, &pulled, &mut share.information);
-            share.slope += pulled.tr_mul(&part.residual);
-            share.sum += part.residual.dot(&(&inverse * &part.residual)) + factor.ln_determinant();
-            share.weighed.push(WeightedStretch { inverse, pulled });
-        }
-        Some(share)
-    }
-}
-
-/// The inverse of the lower triangle of a factored matrix.
-fn inverse_triangle(factor: &Cholesky<f64, Dyn>) -> DMatrix<f64> {
-    let lower = factor.l_dirty();
-    let count = lower.nrows();
-    let mut triangle = DMatrix::identity(count, count);
-    for mut column in triangle.as_mut_slice().chunks_exact_mut(count) {
-        let mut first = count - column.len();
-        // A column of the inverse triangle is zero above the diagonal.
-        while let Some((value, below)) = column.split_first_mut() {
-            if *value != 0.0 {
-                let pivots = &lower.as_slice()[first * count + first..(first + 1) * count];
-                *value /= pivots[0];
-                for (below, pivot) in below.iter_mut().zip(&pivots[1..]) {
-                    *below -= *value * pivot;
-                }
-            }
-            column = below;
-            first += 1;
-        }
-    }
-    triangle
-}
 
 /// Sums over the stretches for given variances.
 pub(crate) struct RemlEvaluation {
@@ -83,10 +30,7 @@ pub(crate) struct RemlEvaluation {
     pub(crate) covariance: DMatrix<f64>,
     /// A lower triangle of which the covariance is the square, the transpose first.
     triangle: DMatrix<f64>,
-    /// Information of the constants, without their prior.
-    pub(crate) information: DMatrix<f64>,
-    /// One for each stretch.
-    pub(crate) weighed: Vec<WeightedStretch>,
+    pub(crate) weighed: Arc<WeighedFlight>,
 }
 
 /// Square root of the factor on the curvature that makes a step in one log-variance end near the maximum.
@@ -121,24 +65,40 @@ impl RemlEvaluation {
         sizes: &Components,
         prior_deviations: &PriorDeviations,
     ) -> Option<Self> {
-        let each: Option<Vec<Share>> = parts
-            .par_chunks(TOGETHER)
-            .map(|parts| Share::new(parts, sizes))
-            .collect();
-        let mut information = DMatrix::zeros(CONSTANTS, CONSTANTS);
+        let weighed = WeighedFlight::new(parts, sizes)?;
+        Self::of(weighed, parts, prior, sizes, prior_deviations)
+    }
+
+    /// The same for a flight that is weighted already.
+    pub(crate) fn of(
+        weighed: Arc<WeighedFlight>,
+        parts: &[StretchFactor],
+        prior: &Prior,
+        sizes: &Components,
+        prior_deviations: &PriorDeviations,
+    ) -> Option<Self> {
+        let share = |(parts, weighed): (&[StretchFactor], &[WeightedStretch])| {
+            let (mut slope, mut sum) = (DVector::zeros(CONSTANTS), 0.0);
+            for (part, weighed) in parts.iter().zip(weighed) {
+                slope += weighed.pulled.tr_mul(&part.residual);
+                let square = part.residual.dot(&(&weighed.inverse * &part.residual));
+                sum += square + weighed.ln_determinant;
+            }
+            (slope, sum)
+        };
+        let chunks = parts.par_chunks(TOGETHER);
+        let chunks = chunks.zip(weighed.stretches.par_chunks(TOGETHER));
+        let each: Vec<(DVector<f64>, f64)> = chunks.map(share).collect();
         let mut slope = DVector::zeros(CONSTANTS);
+        // Whitened squared residuals plus the logarithms of the determinants.
         let mut sum = 0.0;
-        let mut weighed = Vec::with_capacity(parts.len());
-        for share in each? {
-            information += share.information;
-            slope += share.slope;
-            sum += share.sum;
-            weighed.extend(share.weighed);
+        for (of_share, share) in each {
+            slope += of_share;
+            sum += share;
         }
-        mirror(&mut information);
         let own = prior_deviations.own_precision();
         let subject = subject_precision(&prior.tolerances, &prior.fixed);
-        let mut with_prior = information.clone();
+        let mut with_prior = weighed.information.clone();
         for (k, precision) in own.iter().chain(&subject).enumerate() {
             with_prior[(k, k)] += precision;
             sum -= precision.ln();
@@ -154,7 +114,6 @@ impl RemlEvaluation {
             constants,
             covariance: square_of_triangle(&triangle),
             triangle,
-            information,
             weighed,
         })
     }
@@ -196,9 +155,11 @@ impl RemlEvaluation {
     pub(crate) fn by_variance(&self, parts: &[StretchFactor]) -> Slopes {
         let each: Vec<_> = parts
             .par_iter()
-            .zip(&self.weighed)
+            .zip(&self.weighed.stretches)
             .map(|(part, weighed)| {
-                let WeightedStretch { inverse, pulled } = weighed;
+                let WeightedStretch {
+                    inverse, pulled, ..
+                } = weighed;
                 let left = inverse * &part.residual - pulled * &self.constants;
                 let taken = square(&by_triangle(pulled, &self.triangle));
                 let rest = Symmetric::of(&(inverse - taken));

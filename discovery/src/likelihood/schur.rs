@@ -1,18 +1,19 @@
 //! Whitened flights, with the constants marginalized out.
 
+use std::sync::Arc;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use crate::jacobian::linearization_point::{CONSTANTS, OWN};
 use crate::jacobian::subject_error::SUBJECT;
-use crate::likelihood::factor::WeightedStretch;
+use crate::likelihood::factor::WeighedFlight;
 use crate::likelihood::gemm::{product, transposed_product};
 use crate::likelihood::prior::PriorDeviations;
 
 /// A whitened problem, prepared for marginalizing the constants of its flight.
 pub(crate) struct SchurComplement {
-    /// One for each stretch.
-    weighed: Vec<WeightedStretch>,
+    pub(crate) weighed: Arc<WeighedFlight>,
     /// Information of the constants specific to the flight.
     own: Cholesky<f64, Dyn>,
     own_with_subject: DMatrix<f64>,
@@ -21,12 +22,12 @@ pub(crate) struct SchurComplement {
 }
 
 impl SchurComplement {
-    /// Creates the problem from weighted stretches. `information` is that of the constants, without their prior.
+    /// Creates the problem from weighted stretches.
     pub(crate) fn new(
-        weighed: Vec<WeightedStretch>,
-        information: &DMatrix<f64>,
+        weighed: Arc<WeighedFlight>,
         prior_deviations: &PriorDeviations,
     ) -> Option<Self> {
+        let information = &weighed.information;
         let mut own = information.view((0, 0), (OWN, OWN)).into_owned();
         let own_precision = prior_deviations.own_precision();
         for (k, precision) in own_precision.iter().enumerate() {
@@ -50,7 +51,7 @@ impl SchurComplement {
     pub(crate) fn with_constants(&self, columns: &[DMatrix<f64>]) -> DMatrix<f64> {
         let count = columns.first().map_or(0, DMatrix::ncols);
         let mut with_constants = DMatrix::zeros(CONSTANTS, count);
-        for (weighed, columns) in self.weighed.iter().zip(columns) {
+        for (weighed, columns) in self.weighed.stretches.iter().zip(columns) {
             with_constants += transposed_product(&weighed.pulled, columns);
         }
         with_constants
@@ -61,6 +62,7 @@ impl SchurComplement {
         let count = columns.first().map_or(0, DMatrix::ncols);
         let each: Vec<_> = self
             .weighed
+            .stretches
             .par_iter()
             .zip(columns)
             .map(|(weighed, columns)| {

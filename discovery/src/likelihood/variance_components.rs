@@ -5,6 +5,7 @@
 //! are drawn independently in every stretch: only their variances are fitted, never their values.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -12,7 +13,7 @@ use rayon::prelude::*;
 use crate::jacobian::layout::{COMPONENTS, Components};
 use crate::jacobian::linearization_point::{LinearizationPoint, OWN, StretchErrors};
 use crate::jacobian::subject_error::{SUBJECT, Subject};
-use crate::likelihood::factor::{StretchFactor, WeightedStretch};
+use crate::likelihood::factor::{StretchFactor, WeighedFlight, WeightedStretch};
 use crate::likelihood::prior::{Prior, PriorDeviations, wander};
 use crate::likelihood::reml::RemlEvaluation;
 use crate::progress::Progress;
@@ -79,10 +80,7 @@ const LEAST_GAIN: f64 = 0.1;
 pub(crate) struct ErrorFit {
     /// The errors.
     pub errors: FittedErrors,
-    /// One for each stretch.
-    pub(crate) weighed: Vec<WeightedStretch>,
-    /// Information of the constants, without their prior.
-    pub(crate) information: DMatrix<f64>,
+    pub(crate) weighed: Arc<WeighedFlight>,
 }
 
 /// Fits the errors in at most `steps` Newton steps, starting from `start` if given, and stops early if the search is
@@ -91,6 +89,18 @@ pub(crate) fn fit(
     parts: &[StretchFactor],
     prior: &Prior,
     start: Option<&FittedErrors>,
+    steps: usize,
+    progress: &dyn Progress,
+) -> Option<ErrorFit> {
+    fit_from(parts, prior, (start, None), steps, progress)
+}
+
+/// The same, with the flight as a fit with the same slopes weighted it, if there is one. With its variances nothing needs
+/// to be weighted again.
+pub(crate) fn fit_from(
+    parts: &[StretchFactor],
+    prior: &Prior,
+    (start, weighed): (Option<&FittedErrors>, Option<&Arc<WeighedFlight>>),
     steps: usize,
     progress: &dyn Progress,
 ) -> Option<ErrorFit> {
@@ -104,7 +114,11 @@ pub(crate) fn fit(
         || PriorDeviations::new(&prior.tolerances),
         |errors| errors.prior_deviations,
     );
-    let mut best = RemlEvaluation::new(parts, prior, &sizes, &prior_deviations)?;
+    let weighed = match weighed {
+        Some(weighed) => weighed.with(parts, &sizes)?,
+        None => WeighedFlight::new(parts, &sizes)?,
+    };
+    let mut best = RemlEvaluation::of(weighed, parts, prior, &sizes, &prior_deviations)?;
     let mut damping = 1e-3;
     for _ in 0..steps {
         if progress.is_cancelled() {
@@ -145,11 +159,14 @@ pub(crate) fn fit(
             prior_deviations,
             likelihood: best.likelihood,
             observations: parts.iter().map(|part| part.residual.len()).sum(),
-            squares: parts.iter().zip(&best.weighed).map(square).collect(),
+            squares: parts
+                .iter()
+                .zip(&best.weighed.stretches)
+                .map(square)
+                .collect(),
             constants: best.constants,
             covariance: best.covariance,
         },
         weighed: best.weighed,
-        information: best.information,
     })
 }

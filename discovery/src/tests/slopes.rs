@@ -16,7 +16,8 @@ fn every_parameter_has_a_column_and_every_stretch_its_numbers() {
     let mut subject = vec![0.0; SUBJECT];
     for stretch in stretches(&track) {
         let files = LinearizationPoint::files();
-        let columns = linearized(&track, &stretch, &plain, &files).unwrap();
+        let found = residual(&track, &stretch, &plain, &files);
+        let columns = linearized(&track, &stretch, &plain, &files, &found).unwrap();
         let effects = effects_alone(&track, &stretch, &plain, &files, &all);
         assert_eq!(effects.shape(), (stretch.grid.residuals(), all.len()));
         assert_eq!(

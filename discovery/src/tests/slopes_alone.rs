@@ -3,6 +3,7 @@
 use super::*;
 use crate::hypotheses::refit::Refit;
 use crate::likelihood::linear_fit::LinearFit;
+use crate::likelihood::variance_components::fit_from;
 use crate::named_effect::EffectSet;
 
 /// An added mass lessens what joints matter, and with it the covariance. Nothing is hidden in this flight, but it is more
@@ -46,4 +47,28 @@ fn what_slopes_gain_without_an_effect_is_not_its_gain() {
     let gained = refit.retry_without(&mut without, &with).unwrap();
     assert!((bare_likelihood + gained - without.likelihood()).abs() < 1e-6);
     assert!(without.likelihood() >= alone_likelihood - 1e-6);
+}
+
+/// A flight that a fit has weighted gives the next fit every bit that weighting it anew does, whatever the residuals are; with
+/// other variances it is weighted anew.
+#[test]
+fn a_fit_from_a_weighted_flight_is_a_fit_from_its_covariances() {
+    let track = track(&[], 1.0);
+    let problem = FlightProblem::new(&track, &Tolerances::default());
+    let files = LinearizationPoint::files();
+    let fitted = problem.fit(&files, None, 1, &()).unwrap().unwrap();
+    let mut parts = fitted.parts.clone();
+    parts.iter_mut().for_each(|part| part.residual *= 1.5);
+    let mut others = fitted.errors.clone();
+    others.sizes *= 2.0;
+    for errors in [&fitted.errors, &others] {
+        let from = |weighed| {
+            let start = (Some(errors), weighed);
+            let found = fit_from(&parts, &problem.prior, start, 3, &()).unwrap();
+            let errors = found.errors;
+            (errors.sizes, errors.constants, errors.likelihood.to_bits())
+        };
+        let known = from(Some(&fitted.whitened.weighed));
+        assert_eq!(known, from(None));
+    }
 }
