@@ -207,6 +207,13 @@ impl<'a> Recording<'a> {
         self
     }
 
+    /// Says that the air moves at this velocity (m/s, inertial).
+    #[must_use]
+    pub fn in_air(mut self, velocity: [f64; 3]) -> Self {
+        self.watch.in_air(velocity);
+        self
+    }
+
     /// Segments whose attitude is off by a constant angle in the frames read so far, the worst first.
     pub fn mountings(&self) -> Vec<Mounting> {
         self.mountings
