@@ -7,7 +7,8 @@ use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_replay::subject::Subject;
 
-use super::DEFAULT_SWAY;
+/// Size of the involuntary sway of each joint of a relaxed skydiver (rad).
+pub const DEFAULT_SWAY: f64 = 0.02;
 
 /// Errors of the recorded joints that are slower than noise, standard deviations of each axis (rad).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
