@@ -15,6 +15,8 @@ mod imports;
 mod kinds;
 #[path = "nonsense/mixed.rs"]
 mod mixed;
+#[path = "nonsense/orientations.rs"]
+mod orientations;
 #[path = "nonsense/recorded.rs"]
 mod recorded;
 #[path = "nonsense/tracks.rs"]

@@ -22,6 +22,7 @@ mod watch;
 pub use arms::{CLOSURE_LIMIT, arm_frame};
 pub use bridge::{BRIDGE_LIMIT, BadFrames, Quality};
 pub use checks::Checks;
+pub use clock::{LOST, REPEATED};
 pub use frame::{FlightFrame, PelvisMotion};
 pub use mounting::Mounting;
 
