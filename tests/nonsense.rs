@@ -332,6 +332,39 @@ fn a_live_stream_is_checked_as_a_recording_is() {
 }
 
 #[test]
+fn a_stream_that_contradicts_itself_is_doubted_by_who_only_listens() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recorded = recorded(folder.path());
+    for (name, expected) in [("nothing", 0), ("forearm frozen from 4 s", 5)] {
+        let made = folder.path().join("made");
+        recorded.write(&made, kind(name).expect("a kind"));
+        let mut listen = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
+            .args(["mvn", "listen", "--bind", "127.0.0.1:0", "--frames", "1400"])
+            .arg("--json")
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the binary starts");
+        let mut lines = BufReader::new(listen.stdout.take().expect("a pipe")).lines();
+        let first = lines.next().expect("a line").expect("text");
+        let address = first.split('"').nth(3).expect("an address");
+        let flight = made.join("flight.mvnx");
+        let flight = flight.to_str().expect("plain");
+        bodyflight(&["mvn", "send", flight, "--to", address, "--speed", "4"]);
+        let said: Vec<String> = lines.map_while(Result::ok).collect();
+        let ended = listen.wait().expect("ended").code();
+        let is_told = said
+            .concat()
+            .contains("r_forearm keeps exactly the same attitude");
+        assert_eq!(
+            (ended, is_told),
+            (Some(expected), expected == 5),
+            "{said:?}"
+        );
+    }
+}
+
+#[test]
 fn import_is_not_silent_about_any_kind_of_nonsense() {
     let page = part(3);
     let folder = tempfile::tempdir().expect("a folder");
