@@ -26,10 +26,9 @@ use std::time::Instant;
 use bodyflight_core::axis::AxisCoefficients;
 use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
-use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_estimation::motion::{self, Settings};
 use bodyflight_io::diagnostic::Result;
-use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
+use bodyflight_laboratory::synthesize::{JointError, Request, synthesize};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::Flight;
@@ -102,15 +101,10 @@ fn flown(case: &Case) -> Option<[Score; 2]> {
     };
     let maneuver = Maneuver::from_name(case.maneuver).expect("a maneuver");
     let maneuver: &'static Maneuver = Box::leak(Box::new(varied(maneuver, seed)));
+    let subject = Subject::default();
     let request = Request {
-        maneuver,
-        subject: &Subject::default(),
-        density: 1.0,
-        seed,
-        noise: SensorNoise::PAPER,
         joint_error,
-        sway: DEFAULT_SWAY,
-        tunnel: false,
+        ..Request::new(maneuver, &subject, seed)
     };
     let folder = tempfile::tempdir().expect("a folder");
     let written = synthesize(&request, folder.path(), &mut |_| ());

@@ -21,7 +21,7 @@ use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_estimation::motion::{self, Method};
 use bodyflight_estimation::windows::estimate;
 use bodyflight_estimation::{Estimation, Filter};
-use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
+use bodyflight_laboratory::synthesize::{JointError, Request, synthesize};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::Flight;
@@ -70,14 +70,9 @@ impl Laboratory {
     /// Flies a maneuver and estimates its inputs by each method; `None` for methods that are not selected.
     fn scores(&self, maneuver: &'static Maneuver, seed: u64, folder: &Path) -> Vec<Option<Score>> {
         let request = Request {
-            maneuver,
-            subject: &self.subject,
-            density: 1.0,
-            seed,
             noise: self.noise,
             joint_error: self.joint_error,
-            sway: DEFAULT_SWAY,
-            tunnel: false,
+            ..Request::new(maneuver, &self.subject, seed)
         };
         let folder = folder.join(format!("{}-{seed}", maneuver.name));
         let written = synthesize(&request, &folder, &mut |_| ()).expect("a flight");

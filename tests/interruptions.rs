@@ -3,6 +3,8 @@
 #![cfg(unix)]
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
+#[path = "interruptions/fly.rs"]
+mod fly;
 #[path = "interruptions/unit_log.rs"]
 mod unit_log;
 #[path = "interruptions/verbs.rs"]

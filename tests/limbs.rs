@@ -11,7 +11,7 @@ use bodyflight_core::suit::placement::of_size;
 use bodyflight_core::{Posture, Segment};
 use bodyflight_laboratory::limb_sensors::line::STANDING;
 use bodyflight_laboratory::limb_sensors::{Fault, LimbSensors, Sizes, Streams};
-use bodyflight_laboratory::synthesize::{self, DEFAULT_SWAY, JointError, Request};
+use bodyflight_laboratory::synthesize::{self, Request};
 use bodyflight_mvnx::recording::FlightFrame;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::subject::Subject;
@@ -27,15 +27,10 @@ const SECONDS: f64 = 20.0;
 /// A jump from the exit on, without noise.
 fn flown(subject: &Subject) -> Vec<FlightFrame> {
     let flight = Flight::bare(Path::new(""));
+    let maneuver = Maneuver::from_name("exit-and-tracking").expect("a known maneuver");
     let request = Request {
-        maneuver: Maneuver::from_name("exit-and-tracking").expect("a known maneuver"),
-        subject,
-        density: 1.0,
-        seed: 2,
         noise: SensorNoise::NONE,
-        joint_error: JointError::default(),
-        sway: DEFAULT_SWAY,
-        tunnel: false,
+        ..Request::new(maneuver, subject, 2)
     };
     let mut frames = synthesize::flown(&request, &flight.dynamics(4000.0)).expect("a flight");
     frames.retain(|frame| frame.time <= SECONDS);

@@ -5,7 +5,7 @@ use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::math::wrap_angle;
 use bodyflight_core::observation::Observation;
 use bodyflight_core::sensor_noise::SensorNoise;
-use bodyflight_laboratory::synthesize::{JointError, Request, fly};
+use bodyflight_laboratory::synthesize::{Request, fly};
 use bodyflight_mvnx::recording::FlightFrame;
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::subject::Subject;
@@ -31,14 +31,9 @@ fn flown(name: &str, forces: MuscleForces, arms: [f32; 4]) -> Vec<(f64, Observat
     let maneuver = Maneuver::from_name(name).expect("a known maneuver");
     flight.muscles = maneuver.muscles.with_forces(forces).with_lever_arms(arms);
     let request = Request {
-        maneuver,
-        subject: &subject,
-        density: 1.0,
-        seed: 0,
         noise: SensorNoise::NONE,
-        joint_error: JointError::default(),
         sway: 0.0,
-        tunnel: false,
+        ..Request::new(maneuver, &subject, 0)
     };
     let mut seen = Vec::new();
     let mut each = |frame: FlightFrame| {

@@ -13,17 +13,20 @@ mod files;
 mod imports;
 #[path = "nonsense/kinds.rs"]
 mod kinds;
+#[path = "nonsense/listen.rs"]
+mod listen;
 #[path = "nonsense/mixed.rs"]
 mod mixed;
+#[path = "nonsense/orientations.rs"]
+mod orientations;
 #[path = "nonsense/recorded.rs"]
 mod recorded;
 #[path = "nonsense/tracks.rs"]
 mod tracks;
 
 use std::fs;
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use bodies::BODIES;
 use bodyflight_tests::program::text;
@@ -300,33 +303,6 @@ fn segment_tables_of_nobody_are_doubted_or_refused() {
         assert_eq!(ended, Some(code), "{row}: {said}");
         assert!(said.contains(sentence), "{row}: {said}");
     }
-}
-
-#[test]
-fn a_live_stream_is_checked_as_a_recording_is() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let recorded = recorded(folder.path());
-    let made = folder.path().join("made");
-    recorded.write(&made, kind("the body stands").expect("a kind"));
-    let mut stream = Command::new(env!("CARGO_BIN_EXE_bodyflight"))
-        .args(["stream", "--mvn", "127.0.0.1:0", "--virtual"])
-        .stderr(Stdio::piped())
-        .stdout(Stdio::null())
-        .spawn()
-        .expect("the binary starts");
-    let mut lines = BufReader::new(stream.stderr.take().expect("a pipe")).lines();
-    let first = lines.next().expect("a line").expect("text");
-    let address = first.rsplit(' ').next().expect("an address");
-    let flight = made.join("flight.mvnx");
-    let flight = flight.to_str().expect("plain");
-    let (said, ended) = bodyflight(&["mvn", "send", flight, "--to", address, "--speed", "4"]);
-    assert_eq!(ended, Some(0), "{said}");
-    let said: Vec<String> = lines.map_while(Result::ok).collect();
-    let said = said.join(" ");
-    // On a machine that is too slow, the unit drops samples, which is another problem.
-    let ended = stream.wait().expect("ended").code();
-    assert!([Some(4), Some(5)].contains(&ended), "{said}");
-    assert!(said.contains("something carries the body"), "{said}");
 }
 
 #[test]

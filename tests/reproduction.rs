@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 use bodyflight_core::dynamics::muscle_input::FITTED_LEVER_ARMS;
 use bodyflight_core::estimator::preset::Preset;
 use bodyflight_core::maneuver::Maneuver;
-use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_estimation::Filter;
 use bodyflight_estimation::windows::estimate;
-use bodyflight_laboratory::synthesize::{JointError, Report, Request, synthesize};
+use bodyflight_laboratory::synthesize::{Report, Request, synthesize};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::comparison::Channel;
@@ -26,15 +25,11 @@ fn folder(name: &str) -> PathBuf {
 }
 
 fn synthesized(name: &str, maneuver: &str, subject: &Subject, tunnel: bool) -> Report {
+    let maneuver = Maneuver::from_name(maneuver).expect("a known maneuver");
     let request = Request {
-        maneuver: Maneuver::from_name(maneuver).expect("a known maneuver"),
-        subject,
-        density: 1.0,
-        seed: 3,
-        noise: SensorNoise::PAPER,
-        joint_error: JointError::default(),
         sway: 0.02,
         tunnel,
+        ..Request::new(maneuver, subject, 3)
     };
     synthesize(&request, &folder(name), &mut |_| {}).expect("a flight")
 }

@@ -18,7 +18,7 @@ use bodyflight_core::suit::placement::{SETS, of_size};
 use bodyflight_core::suit::strapdown::Reading;
 use bodyflight_core::{Segment, SegmentArray};
 use bodyflight_laboratory::limb_sensors::{Fault, LimbSensors, Sizes, Streams};
-use bodyflight_laboratory::synthesize::{self, JointError, Request};
+use bodyflight_laboratory::synthesize::{self, Request};
 use bodyflight_mocap::imu::mapping::ImuMapping;
 use bodyflight_mocap::imu::stream::Stream;
 use bodyflight_mocap::imu::worn::{Worn, worn};
@@ -33,15 +33,11 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 fn flown(name: &str, seed: u64) -> Vec<FlightFrame> {
     let subject = Subject::default();
     let flight = Flight::bare(Path::new(""));
+    let maneuver = Maneuver::from_name(name).expect("a known maneuver");
     let request = Request {
-        maneuver: Maneuver::from_name(name).expect("a known maneuver"),
-        subject: &subject,
-        density: 1.0,
-        seed,
         noise: SensorNoise::NONE,
-        joint_error: JointError::default(),
         sway: 0.02,
-        tunnel: false,
+        ..Request::new(maneuver, &subject, seed)
     };
     synthesize::flown(&request, &flight.dynamics(4000.0)).expect("a flight")
 }

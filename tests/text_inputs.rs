@@ -1,6 +1,10 @@
-//! Inputs as text, of any length: the track of a jump, and markers of a body that swings its limbs.
+//! Inputs as text, of any length: the track of a jump, markers of a body that swings its limbs, a flight of a page.
 
 use std::fmt::Write;
+
+use bodyflight_core::Segment;
+use bodyflight_replay::subject::Subject;
+use bodyflight_viewer::frame::{LAYOUT, NUMBERS, SEGMENT_NUMBERS, place};
 
 /// A mapping for [`markers`].
 pub const MAPPING: &str = include_str!("fuzz_targets/mappings/points.toml");
@@ -57,4 +61,28 @@ pub fn markers(rows: u32) -> String {
         }
     }
     text + "\n"
+}
+
+/// A flight as the page of `fly` saves it without a program, of the default subject who falls spread out.
+pub fn flown(frames: usize) -> String {
+    let columns = LAYOUT.iter().flat_map(|(name, count)| {
+        (0..*count).map(move |k| match count {
+            1 => (*name).to_owned(),
+            _ => format!("{name}_{k}"),
+        })
+    });
+    let columns: Vec<String> = columns.collect();
+    // Identities are the only numbers that are not zero.
+    let of_segments = place("segments").unwrap_or_default();
+    let mut ones: Vec<usize> = (0..Segment::ALL.len())
+        .map(|segment| of_segments + segment * SEGMENT_NUMBERS)
+        .collect();
+    ones.extend(place("inertial_from_body"));
+    let row: Vec<&str> = (0..NUMBERS)
+        .map(|number| if ones.contains(&number) { "1" } else { "0" })
+        .collect();
+    let mass = Subject::default().body().mass();
+    let first = format!("# bodyflight fly: density_kgpm3=1.0, mass_kg={mass}\n");
+    let row = row.join(",") + "\n";
+    first + &columns.join(",") + "\n" + &row.repeat(frames)
 }

@@ -6,13 +6,12 @@ use std::time::Instant;
 use bodyflight_core::dynamics::muscle_input::BACK_TRACKING;
 use bodyflight_core::dynamics::{Dynamics, Inputs};
 use bodyflight_core::maneuver::Maneuver;
-use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_discovery::input::flight::RecordedFlight;
 use bodyflight_discovery::named_effect::{Named, Outcome};
 use bodyflight_discovery::output::report::Report;
 use bodyflight_discovery::{Settings, discover};
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
+use bodyflight_laboratory::synthesize::{Request, synthesize};
 use bodyflight_laboratory::{self as laboratory, Hidden, fly};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::flight::Flight;
@@ -102,15 +101,10 @@ fn scripted(
     seed: u64,
     folder: &Path,
 ) -> Result<RecordedFlight> {
+    let subject = Subject::default();
     let request = Request {
-        maneuver,
-        subject: &Subject::default(),
-        density: 1.0,
-        seed,
-        noise: SensorNoise::PAPER,
-        joint_error: JointError::default(),
-        sway: DEFAULT_SWAY,
         tunnel,
+        ..Request::new(maneuver, &subject, seed)
     };
     let written = synthesize(&request, folder, &mut |_| ())?;
     read_track(&Flight::read(&written.flight)?, Options::default())

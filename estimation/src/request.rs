@@ -38,7 +38,8 @@ impl Request {
                     return Err(Problem::bad_input(format!(
                         "method smooth needs the motion filter, which preset \"{}\" does not use",
                         preset.name
-                    )));
+                    ))
+                    .help("--method filter, or --preset auto"));
                 }
                 let filter = self.filter.unwrap_or(Filter::Reduced);
                 windows::estimate(flight, &preset, filter, options, precision, progress)

@@ -117,7 +117,12 @@ fn on_heap<T: Real, P: Propagation<T>, const INTERVALS: usize>(
     let (motion, posture) = (start.measured.cast(), start.posture.cast());
     Estimator::new(preset, dynamics, &motion, &posture)
         .map(Box::new)
-        .map_err(|error| Problem::bad_input(format!("preset {}: {error}", preset.name)))
+        .map_err(|error| {
+            let message = format!("the preset {} cannot be run: {error}", preset.name);
+            Problem::bad_input(message).help(
+                "change its numbers in the preset.toml or the flags; docs/estimator.md, Presets, says what each is",
+            )
+        })
 }
 
 struct Collected {

@@ -4,12 +4,10 @@
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use tempfile::TempDir;
-
 use crate::destination::{destination, folder_of};
 use crate::diagnostic::{Problem, Result};
 use crate::interrupt::Unfinished;
-use crate::scratch::{self, Scratch};
+use crate::scratch::{self, Scratch, ScratchFolder};
 
 /// A file that appears under its name only once it is finished.
 pub struct AtomicFile {
@@ -64,7 +62,7 @@ impl Seek for AtomicFile {
 
 /// A new folder that appears under its name only once all its files are written.
 pub struct AtomicFolder {
-    folder: TempDir,
+    making: ScratchFolder,
     path: PathBuf,
     _unfinished: Unfinished,
 }
@@ -79,17 +77,17 @@ impl AtomicFolder {
         let above = folder_of(path);
         let refused = |error: io::Error| Problem::system("create", path, error);
         std::fs::create_dir_all(above).map_err(refused)?;
-        let folder = scratch::folder(above).map_err(refused)?;
+        let making = ScratchFolder::create(above).map_err(refused)?;
         Ok(Self {
-            _unfinished: Unfinished::new(folder.path()),
-            folder,
+            _unfinished: Unfinished::new(making.folder.path()),
+            making,
             path: path.to_path_buf(),
         })
     }
 
     /// Where the files are to be written until the folder is finished.
     pub fn path(&self) -> &Path {
-        self.folder.path()
+        self.making.folder.path()
     }
 
     /// Moves the folder to its name.
@@ -104,13 +102,18 @@ impl AtomicFolder {
         {
             use std::os::unix::fs::PermissionsExt;
             let public = std::fs::Permissions::from_mode(0o755);
-            std::fs::set_permissions(self.folder.path(), public).map_err(refused)?;
+            std::fs::set_permissions(self.path(), public).map_err(refused)?;
         }
-        std::fs::rename(self.folder.path(), &self.path).map_err(refused)?;
+        std::fs::rename(self.path(), &self.path).map_err(refused)?;
         // It is no longer at the place from which it would be removed.
-        let _ = self.folder.keep();
+        let _ = self.making.folder.keep();
         Ok(())
     }
+}
+
+/// Removes what processes that were killed left unfinished in a folder. Creating a file or folder there does so too.
+pub fn sweep(folder: &Path) {
+    scratch::sweep(folder);
 }
 
 /// Checks that nothing has this name yet.

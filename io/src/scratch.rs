@@ -2,9 +2,12 @@
 //!
 //! On Linux it has no name until it is finished, so that not even a killed process leaves it behind. A file that replaces
 //! another has a temporary name between two system calls; should the process be killed just then, a later run removes it.
-//! Elsewhere, and on file systems without nameless files, it has a temporary name from the beginning.
+//! Elsewhere, and on file systems without nameless files, it has a temporary name from the beginning, as every folder has.
+//!
+//! Whoever makes a file or folder with a temporary name holds a lock on it, which the system opens when the process ends,
+//! however it ends. What nobody holds is therefore left over.
 
-use std::fs::{DirEntry, File};
+use std::fs::{DirEntry, File, TryLockError};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::time::Duration;
@@ -38,15 +41,20 @@ impl Scratch {
         // Temporary files are private otherwise; the system takes away what the user does not want to give.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = builder.make_in(folder, |path| {
-            File::options()
-                .read(true)
-                .write(true)
-                .create_new(true)
-                .open(path)
-        })?;
-        let unfinished = Unfinished::new(file.path());
-        Ok(Self::Named(file, unfinished))
+        loop {
+            let file = builder.make_in(folder, |path| {
+                File::options()
+                    .read(true)
+                    .write(true)
+                    .create_new(true)
+                    .open(path)
+            })?;
+            hold(file.as_file());
+            if file.path().exists() {
+                let unfinished = Unfinished::new(file.path());
+                return Ok(Self::Named(file, unfinished));
+            }
+        }
     }
 
     /// Gives the file its name; replaces a file that has it.
@@ -58,6 +66,7 @@ impl Scratch {
                 match nameless::link(&file, place) {
                     Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
                         sweep(folder);
+                        hold(&file);
                         let link = |path: &Path| nameless::link(&file, path);
                         let named = tempfile::Builder::new()
                             .prefix(&prefix())
@@ -87,41 +96,80 @@ impl Scratch {
 /// First part of temporary names, before the number of the process.
 const PREFIX: &str = ".bodyflight-";
 
-/// Age from which a temporary file may be an orphan: processes of other machines, which cannot be seen, have finished
-/// theirs by then.
-const ORPHAN: Duration = Duration::from_secs(60);
+/// Age from which what cannot be locked is left over, such as folders on some network file systems: nothing is written for
+/// so long.
+const ORPHAN: Duration = Duration::from_secs(86_400);
 
 fn prefix() -> String {
     format!("{PREFIX}{}-", std::process::id())
 }
 
-/// Removes temporary files and folders of processes that were killed. Whatever cannot be told or removed stays.
-fn sweep(folder: &Path) {
+/// Locks what has a temporary name, until the file is closed. Before that, another process may have taken it for left over,
+/// so it must be looked for afterwards.
+fn hold(file: &File) {
+    // Where there are no locks, its age tells.
+    let _ = file.lock();
+}
+
+/// Removes temporary files and folders of processes that are gone. Whatever cannot be told or removed stays.
+pub(crate) fn sweep(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else {
         return;
     };
     for entry in entries.flatten() {
-        if is_orphan(&entry).unwrap_or(false) {
-            let path = entry.path();
-            let _ = std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir_all(&path));
+        let Some(_held) = orphan(&entry) else {
+            continue;
+        };
+        let path = entry.path();
+        let _ = std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir_all(&path));
+    }
+}
+
+/// What is left over, held from now on if the file system has locks; `None` if it is in use or something else.
+fn orphan(entry: &DirEntry) -> Option<Option<File>> {
+    let name = entry.file_name();
+    let process = name.to_str()?.strip_prefix(PREFIX)?.split('-').next()?;
+    process.parse::<u32>().ok()?;
+    let kind = entry.file_type().ok()?;
+    if !kind.is_file() && !kind.is_dir() {
+        return None;
+    }
+    let opened = File::open(entry.path());
+    let locked = opened.map(|file| (file.try_lock(), file));
+    match locked {
+        Ok((Ok(()), file)) => Some(Some(file)),
+        Ok((Err(TryLockError::WouldBlock), _)) => None,
+        Ok((Err(TryLockError::Error(_)), _)) | Err(_) => {
+            let age = entry.metadata().ok()?.modified().ok()?.elapsed().ok()?;
+            (age > ORPHAN).then_some(None)
         }
     }
 }
 
-fn is_orphan(entry: &DirEntry) -> Option<bool> {
-    let name = entry.file_name();
-    let process = name.to_str()?.strip_prefix(PREFIX)?.split('-').next()?;
-    let process: u32 = process.parse().ok()?;
-    let age = entry.metadata().ok()?.modified().ok()?.elapsed().ok()?;
-    let processes = Path::new("/proc");
-    let is_alive = !processes.join("self").exists() || processes.join(process.to_string()).exists();
-    Some(age > ORPHAN && !is_alive)
+/// A folder under construction, held.
+pub(crate) struct ScratchFolder {
+    pub(crate) folder: TempDir,
+    _held: Option<File>,
 }
 
-/// Starts a folder beside its later place.
-pub(crate) fn folder(above: &Path) -> io::Result<TempDir> {
-    sweep(above);
-    tempfile::Builder::new().prefix(&prefix()).tempdir_in(above)
+impl ScratchFolder {
+    /// Starts a folder beside its later place.
+    pub(crate) fn create(above: &Path) -> io::Result<Self> {
+        sweep(above);
+        loop {
+            let folder = tempfile::Builder::new()
+                .prefix(&prefix())
+                .tempdir_in(above)?;
+            let held = File::open(folder.path()).ok();
+            held.iter().for_each(hold);
+            if folder.path().exists() {
+                return Ok(Self {
+                    folder,
+                    _held: held,
+                });
+            }
+        }
+    }
 }
 
 impl Write for Scratch {
@@ -196,31 +244,32 @@ mod tests {
         }
     }
 
-    #[cfg(target_os = "linux")]
+    #[cfg(unix)]
     #[test]
-    fn what_a_killed_process_left_is_removed_later() {
-        let folder = tempfile::tempdir().unwrap();
-        let folder = folder.path();
-        let old = std::time::SystemTime::now() - 2 * ORPHAN;
-        let own = std::process::id();
-        // No process has so large a number.
-        let all = [
-            (".bodyflight-4000000000-a".to_owned(), old),
-            (".bodyflight-4000000000-new".to_owned(), old + 2 * ORPHAN),
-            (format!(".bodyflight-{own}-alive"), old),
-            (".bodyflight-notes".to_owned(), old),
-            ("run.csv".to_owned(), old),
-        ];
-        for (name, time) in &all {
-            let file = File::create(folder.join(name)).unwrap();
-            file.set_modified(*time).unwrap();
+    fn what_a_process_left_that_is_gone_is_removed_at_once() {
+        let place = tempfile::tempdir().unwrap();
+        let above = place.path();
+        let kept = [".bodyflight-notes", "run.csv"];
+        for name in kept.into_iter().chain([".bodyflight-4000000000-a"]) {
+            File::create(above.join(name)).unwrap();
         }
-        let mut scratch = Scratch::create(folder).unwrap();
-        scratch.write_all(b"1").unwrap();
-        scratch.finish(&folder.join("run.csv"), folder).unwrap();
-        let mut kept: Vec<_> = all[1..].iter().map(|(name, _)| name.clone()).collect();
-        kept.sort();
-        assert_eq!(names(folder), kept);
+        std::fs::create_dir_all(above.join(".bodyflight-1-b/part")).unwrap();
+        std::os::unix::fs::symlink("run.csv", above.join(".bodyflight-1-link")).unwrap();
+        // Processes that work are those that hold theirs, whatever their number.
+        let held = ScratchFolder::create(above).unwrap();
+        let own = held.folder.path().file_name().unwrap().to_owned();
+        let named = Scratch::named(above).unwrap();
+        assert_eq!(names(above).len(), 5, "{:?}", names(above));
+        sweep(above);
+        assert_eq!(names(above).len(), 5, "{:?}", names(above));
+        drop(named);
+        // As if the process had been killed: nothing is removed, and nothing is held any more.
+        let ScratchFolder { folder, _held } = held;
+        let _ = folder.keep();
+        drop(_held);
+        assert!(names(above).contains(&own.into_string().unwrap()));
+        sweep(above);
+        assert_eq!(names(above), [".bodyflight-1-link", kept[0], kept[1]]);
     }
 
     #[cfg(target_os = "linux")]

@@ -37,7 +37,7 @@ use bodyflight_replay::subject::SEGMENTS_FILE;
 use crate::limb_sensors::{self, LimbSensors, Limbs, Sizes, Streams};
 use crate::sensor_bytes::SensorBytes;
 use joints::{JointErrors, Sway};
-pub use request::{JointError, Request};
+pub use request::{DEFAULT_SWAY, JointError, Request};
 pub use tunnel::Tunnel;
 
 /// Description of the written flight.
@@ -54,8 +54,6 @@ pub struct Report {
     pub tunnel: Option<Tunnel>,
 }
 
-/// Size of the involuntary sway of each joint of a relaxed skydiver (rad).
-pub const DEFAULT_SWAY: f64 = 0.02;
 const FRAME_RATE: f64 = 240.0;
 /// Height of the first frame above the inertial origin (m).
 const START_HEIGHT: f64 = 4000.0;

@@ -8,7 +8,7 @@ use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::maneuver::scripts::MANEUVERS;
 use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_io::destination;
-use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, synthesize};
+use bodyflight_laboratory::synthesize::{JointError, Request, synthesize};
 use bodyflight_mvnx::ArmFrame;
 use bodyflight_mvnx::recording::{BadFrames, Options};
 use bodyflight_replay::flight::{self, Start};
@@ -348,17 +348,14 @@ pub(crate) fn synth(
     let maneuver = found.ok_or_else(|| unknown("maneuver", maneuver, &names))?;
     let subject = Subject::or_default(subject);
     let request = Request {
-        maneuver,
-        subject: &subject,
         density,
-        seed,
         noise: SensorNoise::PAPER.scaled(noise),
         joint_error: JointError {
             calibration: joint_error_deg.to_radians(),
             wander: joint_wander_deg.to_radians(),
         },
-        sway: DEFAULT_SWAY,
         tunnel,
+        ..Request::new(maneuver, &subject, seed)
     };
     let report = long(py, progress, |progress| {
         synthesize(&request, &out, &mut |time| progress(time))

@@ -254,11 +254,10 @@ impl Flight {
             Problem::bad_input(message)
                 .in_file(path)
                 .at(format!("field {field}"))
+                .on_its_line(text)
         };
-        let density = file
-            .air
-            .density()
-            .map_err(|problem| problem.in_file(path))?;
+        let here = |problem: Problem| problem.in_file(path).on_its_line(text);
+        let density = file.air.density().map_err(here)?;
         if !file.air.velocity.iter().all(|v| v.abs() <= 150.0) {
             return Err(at(
                 "air.velocity",
@@ -278,6 +277,7 @@ impl Flight {
                 )
                 .in_file(path)
                 .at("field muscles")
+                .on_its_line(text)
             })?,
         };
         let forces = match file.muscle_forces {
@@ -296,7 +296,7 @@ impl Flight {
                 None | Some(EquationsName::Exact) => Equations::Exact,
                 Some(EquationsName::AsPublished) => Equations::AsPublished,
             },
-            muscles: file.with_lever_arms(muscles.with_forces(forces))?,
+            muscles: (file.with_lever_arms(muscles.with_forces(forces))).map_err(here)?,
             inputs: match &file.inputs {
                 Some(inputs) => Some(InputHistory::read(&folder.join(inputs))?),
                 None => None,

@@ -105,6 +105,7 @@ impl Frames {
     #[must_use]
     pub fn in_air(mut self, velocity: [f64; 3]) -> Self {
         self.support = Support::in_air(velocity);
+        self.recording = self.recording.in_air(velocity);
         self
     }
 

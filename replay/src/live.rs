@@ -16,7 +16,7 @@ impl LiveChecks {
     /// For frames at this rate (Hz), in the air of a flight.
     pub fn new(flight: &Flight, frame_rate: f64) -> Self {
         Self {
-            checks: Checks::new(frame_rate),
+            checks: Checks::new(frame_rate).in_air(flight.air_velocity),
             support: Support::in_air(flight.air_velocity),
         }
     }

@@ -11,6 +11,7 @@ use std::path::Path;
 use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset, Slopes};
 use bodyflight_core::estimator::preset::{PRESETS, Preset};
 use bodyflight_core::estimator::unit_preset;
+use bodyflight_core::estimator::unscented::{Root, SettingsError};
 use serde::Deserialize;
 
 use bodyflight_io::diagnostic::choices::choices;
@@ -163,13 +164,15 @@ impl Tuning {
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: File = toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
         let base = file.base.as_deref().unwrap_or(AUTO);
-        let tuning =
-            Self::built_in(base).ok_or_else(|| unknown(base).in_file(path).at("field base"))?;
+        let here = |problem: Problem| problem.in_file(path).on_its_line(text);
+        let tuning = Self::built_in(base).ok_or_else(|| here(unknown(base).at("field base")))?;
         let wrong = |field: &str, kind: &str| {
-            Problem::bad_input(format!(
-                "base \"{base}\" has no {field}, which belongs to {kind}"
-            ))
-            .in_file(path)
+            here(
+                Problem::bad_input(format!(
+                    "base \"{base}\" has no {field}, which belongs to {kind}"
+                ))
+                .at(format!("field {field}")),
+            )
             .help("bodyflight estimate --presets describes each preset")
         };
         match tuning {
@@ -177,8 +180,7 @@ impl Tuning {
                 if let Some(field) = file.windows_field() {
                     return Err(wrong(field, "the filter over windows"));
                 }
-                file.check_motion()
-                    .map_err(|problem| problem.in_file(path))?;
+                file.check_motion().map_err(here)?;
                 file.change_motion(&mut preset);
                 Ok(Self::Motion {
                     preset,
@@ -192,6 +194,7 @@ impl Tuning {
                     return Err(wrong(field, "the motion filter"));
                 }
                 file.change_windows(&mut preset);
+                file.check_windows(&preset).map_err(here)?;
                 Ok(Self::Windows(preset))
             }
         }
@@ -288,6 +291,39 @@ impl File {
             }
         }
         Ok(())
+    }
+
+    /// Checks the numbers of a filter over windows, as the filter does.
+    fn check_windows(&self, preset: &Preset) -> Result<()> {
+        let channels = preset.measurement.channels.iter().flatten().count();
+        let given = self
+            .measurement_deviation
+            .as_ref()
+            .map_or(channels, Vec::len);
+        let problem = |field: &str, message: String| {
+            Err(Problem::bad_input(message)
+                .at(format!("field {field}"))
+                .help("docs/estimator.md, Presets, says what each field is"))
+        };
+        if given > channels {
+            let message = format!(
+                "expected at most {channels} numbers, one for each quantity that \"{}\" measures, found {given}",
+                preset.name
+            );
+            return problem("measurement_deviation", message);
+        }
+        let Err(error) = preset.settings::<f64>(Root::Symmetric) else {
+            return Ok(());
+        };
+        let field = match error {
+            SettingsError::Variance | SettingsError::VarianceSpread => "deviation",
+            SettingsError::ProcessNoise => "process_noise_rate",
+            SettingsError::Bounds => "low",
+            SettingsError::State => "state",
+            SettingsError::MeasurementNoise => "measurement_deviation",
+            _ => "base",
+        };
+        problem(field, error.to_string())
     }
 
     fn change_motion(&self, preset: &mut MotionPreset) {
@@ -394,7 +430,7 @@ mod tests {
         for (text, parts) in [
             (
                 "joint_error_deg = 500",
-                ["field joint_error_deg", "0.01 to 45, found 500"],
+                ["p.toml:1: field joint_error_deg", "0.01 to 45, found 500"],
             ),
             ("muscle = [0.3, nan, 0.3]", ["field muscle", "found NaN"]),
             (
@@ -407,7 +443,7 @@ mod tests {
             ),
             (
                 "[noise]\nattitude_rad = nan",
-                ["field noise.attitude_rad", "found NaN"],
+                ["p.toml:2: field noise.attitude_rad", "found NaN"],
             ),
             (
                 "[noise]\nangular_velocity_radps = -0.1",
@@ -427,9 +463,30 @@ mod tests {
     #[test]
     fn bad_files_are_named() {
         for (text, part) in [
-            ("base = \"none\"", "field base: unknown preset \"none\""),
-            ("low = [0, 0, 0, 0, 0, 0]", "has no low"),
-            ("base = \"tracking\"\ngate = 3.0", "has no gate"),
+            (
+                "base = \"none\"",
+                "preset.toml:1: field base: unknown preset \"none\"",
+            ),
+            (
+                "low = [0, 0, 0, 0, 0, 0]",
+                "preset.toml:1: field low: base \"auto\" has no low",
+            ),
+            (
+                "base = \"tracking\"\ngate = 3.0",
+                "preset.toml:2: field gate: base \"tracking\" has no gate",
+            ),
+            (
+                "base = \"tracking\"\n\nlow = [9, 9, 9, 9, 9, 9]",
+                "preset.toml:3: field low: every lower bound must be below",
+            ),
+            (
+                "base = \"tracking\"\ndeviation = [0, 1, 1, 1, 1, 1]",
+                "preset.toml:2: field deviation: every variance",
+            ),
+            (
+                "base = \"tracking\"\nmeasurement_deviation = [1, 1, 1, 1, 1]",
+                "preset.toml:2: field measurement_deviation: expected at most",
+            ),
             ("gat = 3.0", "preset.toml:1"),
         ] {
             let problem = parse(text).unwrap_err().to_string();

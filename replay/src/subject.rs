@@ -137,14 +137,10 @@ impl Subject {
             None => None,
         };
         let place = |fault: Fault| {
-            let problem = Problem::bad_input(fault.message)
+            Problem::bad_input(fault.message)
                 .in_file(path)
-                .at(format!("field {}", fault.field));
-            let key = fault.field.rsplit('.').next().unwrap_or_default();
-            match line_of(text, key) {
-                Some(line) => problem.at_line(line),
-                None => problem,
-            }
+                .at(format!("field {}", fault.field))
+                .on_its_line(text)
         };
         file.check_coefficients().map_err(place)?;
         let body = file.body(table.as_ref()).map_err(place)?;
@@ -401,16 +397,6 @@ impl SubjectFile {
         }
         Ok(())
     }
-}
-
-/// Line (from 1) that sets a key, for problems found after parsing.
-fn line_of(text: &str, key: &str) -> Option<u64> {
-    let gives = |line: &str| {
-        line.trim_start()
-            .strip_prefix(key)
-            .is_some_and(|rest| rest.trim_start().starts_with('='))
-    };
-    text.lines().position(gives).map(|index| index as u64 + 1)
 }
 
 #[cfg(test)]

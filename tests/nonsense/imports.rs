@@ -5,7 +5,7 @@ use core::fmt::Write;
 use super::recorded::{Kind, Recorded, decimal};
 
 /// Segments of the model, and the place of the one in the recording that leads it.
-const SEGMENTS: [(&str, usize); 16] = [
+pub(super) const SEGMENTS: [(&str, usize); 16] = [
     ("pelvis", 0),
     ("abdomen", 2),
     ("thorax", 4),

@@ -160,7 +160,8 @@ pub struct Report {
 }
 
 impl Report {
-    /// Drag area (m2), its standard deviation (m2) and mass per drag area (kg/m2) of the steady part, if known.
+    /// Drag area (m2), its standard deviation (m2) and mass per drag area (kg/m2) of the steady part, if known and there is
+    /// any.
     pub fn steady_drag(&self) -> Option<[f64; 3]> {
         Some([
             self.drag_area_m2?,
@@ -357,7 +358,7 @@ fn report(track: &Track, conditions: &Conditions, jump: &Jump) -> Report {
         mass_kg: mass,
         drag_area_m2: jump.drag.map(|[drag, _]| mass * drag),
         drag_area_spread_m2: jump.drag.map(|[_, spread]| mass * spread),
-        ballistic_kgpm2: jump.drag.map(|[drag, _]| 1.0 / drag),
+        ballistic_kgpm2: (jump.drag.filter(|[drag, _]| *drag > 0.0)).map(|[drag, _]| 1.0 / drag),
         glide: jump.glide[0],
         canopy_glide: jump.glide[1],
         pieces: jump.pieces.iter().map(piece).collect(),

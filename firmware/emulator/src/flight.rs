@@ -2,8 +2,7 @@
 
 use bodyflight_core::link::{Configure, Sample, SegmentTable};
 use bodyflight_core::maneuver::Maneuver;
-use bodyflight_core::sensor_noise::SensorNoise;
-use bodyflight_laboratory::synthesize::{self, DEFAULT_SWAY, JointError, Request};
+use bodyflight_laboratory::synthesize::{self, Request};
 use bodyflight_mvnx::recording::FlightFrame;
 use bodyflight_replay::flight as file;
 use bodyflight_replay::subject::Subject;
@@ -48,16 +47,7 @@ pub(crate) fn flown(maneuver: &str) -> Result<(file::Flight, Vec<FlightFrame>)> 
     let mut flight = file::Flight::bare("flight.mvnx".as_ref());
     flight.subject = subject.clone();
     flight.muscles = maneuver.muscles;
-    let request = Request {
-        maneuver,
-        subject: &subject,
-        density: 1.0,
-        seed: 1,
-        noise: SensorNoise::PAPER,
-        sway: DEFAULT_SWAY,
-        tunnel: false,
-        joint_error: JointError::default(),
-    };
+    let request = Request::new(maneuver, &subject, 1);
     let frames = synthesize::flown(&request, &flight.dynamics(4000.0));
     Ok((flight, frames.map_err(|problem| format!("{problem:?}"))?))
 }

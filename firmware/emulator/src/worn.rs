@@ -11,7 +11,7 @@ use bodyflight_firmware::limbs::Limbs;
 use bodyflight_laboratory::limb_sensors::line::STANDING;
 use bodyflight_laboratory::limb_sensors::{LimbSensors, Sizes};
 use bodyflight_laboratory::sensor_bytes::SensorBytes;
-use bodyflight_laboratory::synthesize::{DEFAULT_SWAY, JointError, Request, flown};
+use bodyflight_laboratory::synthesize::{Request, flown};
 use bodyflight_replay::flight as file;
 
 use crate::Result;
@@ -52,15 +52,10 @@ impl Worn {
 
 fn line(seconds: f64) -> Result<Vec<(f64, Vec<u8>)>> {
     let flight = file::Flight::bare(Path::new(""));
+    let maneuver = Maneuver::from_name("exit-and-tracking").ok_or("no such maneuver")?;
     let request = Request {
-        maneuver: Maneuver::from_name("exit-and-tracking").ok_or("no such maneuver")?,
-        subject: &flight.subject,
-        density: 1.0,
-        seed: 2,
         noise: SensorNoise::NONE,
-        joint_error: JointError::default(),
-        sway: DEFAULT_SWAY,
-        tunnel: false,
+        ..Request::new(maneuver, &flight.subject, 2)
     };
     let frames = flown(&request, &flight.dynamics(4000.0));
     let mut frames = frames.map_err(|error| error.to_string())?;

@@ -379,6 +379,7 @@ impl Points {
         let spare = whole.saturating_sub(frames) * frame;
         let found = if spare > 2 * BLOCK { whole } else { frames };
         let header = Header {
+            contradictions: Vec::new(),
             rate: Some(("the rate in the header", file.float(20)?)),
             frames: Some(frames as u64),
             found: Some(found as u64),

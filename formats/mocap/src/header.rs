@@ -12,6 +12,8 @@ pub(crate) struct Header {
     pub(crate) frames: Option<u64>,
     /// Number of frames for which the file has bytes, if it is not that of the rows.
     pub(crate) found: Option<u64>,
+    /// What else contradicts itself in the file.
+    pub(crate) contradictions: Vec<String>,
 }
 
 impl Header {

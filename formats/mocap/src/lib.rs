@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 mod acclaim;
+pub mod alike;
 mod archive;
 pub mod axes;
 pub mod bvh;

@@ -2,14 +2,14 @@
 
 use bodyflight_core::Segment;
 use bodyflight_io::diagnostic::{Problem, Result};
-use nalgebra::{Matrix3, Rotation3};
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
 
 use crate::mapping::{AngleUnit, Kind, Mapping, Order, Point, RelativeTo, Row};
 use crate::table::Table;
 
 /// Largest accepted error of the length of a quaternion, and of a rotation matrix: the Frobenius norm of the difference
 /// between the matrix times its transpose and the identity.
-pub(crate) const OFF_UNIT: f64 = 0.02;
+const OFF_UNIT: f64 = 0.02;
 
 /// A segment of the source.
 pub(crate) struct Link {
@@ -171,12 +171,29 @@ fn zero(row: &Row) -> Result<Matrix3<f64>> {
         return Ok(Matrix3::identity());
     };
     let written = Matrix3::from_row_slice(&rows.concat());
+    let rotation = rotation(&written).map_err(Problem::bad_input)?;
+    Ok(*rotation.matrix())
+}
+
+/// The rotation nearest to a matrix that is one but for rounding, or what is wrong with it.
+pub(crate) fn rotation(written: &Matrix3<f64>) -> core::result::Result<Rotation3<f64>, String> {
     let off = (written * written.transpose() - Matrix3::identity()).norm();
-    if !(off < OFF_UNIT && written.determinant() > 0.0) {
-        let message = format!(
-            "expected the rows of a rotation matrix, found a matrix with an error of {off:.3}"
-        );
-        return Err(Problem::bad_input(message));
+    if off < OFF_UNIT && written.determinant() > 0.0 {
+        return Ok(Rotation3::from_matrix(written));
     }
-    Ok(*Rotation3::from_matrix(&written).matrix())
+    Err(format!(
+        "expected a rotation matrix, found a matrix with an error of {off:.3}"
+    ))
+}
+
+/// The unit quaternion of one that is so but for rounding, or what is wrong with it.
+pub(crate) fn unit(written: &Quaternion<f64>) -> core::result::Result<UnitQuaternion<f64>, String> {
+    let length = written.norm();
+    if (length - 1.0).abs() <= OFF_UNIT {
+        return Ok(UnitQuaternion::new_normalize(*written));
+    }
+    let [w, x, y, z] = [written.w, written.i, written.j, written.k];
+    Err(format!(
+        "expected a quaternion of unit length, found {w} {x} {y} {z} of length {length:.3}"
+    ))
 }

@@ -231,17 +231,22 @@ impl Mapping {
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let mapping: Self =
             toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
-        mapping.check().map_err(|problem| problem.in_file(path))?;
+        mapping
+            .check()
+            .map_err(|problem| problem.in_file(path).on_its_line(text))?;
         Ok(mapping)
     }
 
     fn check(&self) -> Result<()> {
-        let own = (self.segments.iter()).filter_map(|(name, row)| Some((name.as_str(), row.axes?)));
-        let common = self.body.axes.map(|axes| ("body", axes));
+        let own = (self.segments.iter())
+            .filter_map(|(name, row)| Some((format!("segments.{name}.axes"), row.axes?)));
+        let common = self.body.axes.map(|axes| ("body.axes".to_owned(), axes));
         for (name, axes) in own.chain(common) {
             if is_right_handed(&axes.0) != is_right_handed(&self.world.axes.0) {
                 let message = "these axes and those of the world differ in handedness: an axis points the wrong way";
-                return Err(Problem::bad_input(message).at(format!("{name}, axes")));
+                return Err(Problem::bad_input(message)
+                    .at(name)
+                    .help("turn one axis of one of them round, such as left for right"));
             }
         }
         let positive = |what: &str, value: Option<f64>| match value {
@@ -358,7 +363,7 @@ mod tests {
         for (text, parts) in [
             (
                 ANGLES.replace("\"up\"]", "\"down\"]"),
-                ["m.toml: body, axes", "handedness"].as_slice(),
+                ["m.toml:5: body.axes", "handedness"].as_slice(),
             ),
             (
                 ANGLES.replace("east", "sunrise"),
@@ -366,16 +371,19 @@ mod tests {
             ),
             (
                 ANGLES.replace("rate_hz = 200", "rate_hz = 0"),
-                &["time.rate_hz", "found 0"],
+                &["m.toml:8: time.rate_hz", "found 0"],
             ),
-            (ANGLES.replace("rate_hz = 200", ""), &["time", "either"]),
+            (
+                ANGLES.replace("rate_hz = 200", ""),
+                &["m.toml:7: time", "either"],
+            ),
             (
                 ANGLES.replace("rest = \"h-pose\"", ""),
-                &["body", "posture"],
+                &["m.toml:4: body", "posture"],
             ),
             (
                 ANGLES.replace("\"xz\"", "\"xyz\""),
-                &["segments.pelvis", "3 rotations, found 2"],
+                &["m.toml:9: segments.pelvis", "3 rotations, found 2"],
             ),
             (
                 ANGLES.replace("\"xz\"", "\"xq\""),
@@ -383,7 +391,7 @@ mod tests {
             ),
             (
                 ANGLES.replace("segments.pelvis", "segments.tail"),
-                &["segments.tail", "neither"],
+                &["m.toml:9: segments.tail", "neither"],
             ),
             (
                 ANGLES.replace("rotations =", "parent = \"hull\"\nrotations ="),

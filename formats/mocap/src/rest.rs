@@ -89,7 +89,7 @@ pub(crate) fn lay(
             let message = format!(
                 "with all rotations zero, {what}, but at {x:.2}, {y:.2}, {z:.2} from there in the file's axes"
             );
-            return Err(Problem::bad_input(message).at("body, axes").help(
+            return Err(Problem::bad_input(message).at("body.axes").help(
                 "use a mapping to say where the axes of the file point: [world] axes and [body] axes",
             ));
         }

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use bodyflight_core::{Segment, SegmentArray};
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
-use crate::links::{Ends, Link, OFF_UNIT, Turn, links};
+use crate::alike;
+use crate::links::{Ends, Link, Turn, links, unit};
 use crate::mapping::Mapping;
 use crate::marker_set::{Marker, Points, Rod};
 use crate::mounting;
@@ -37,6 +38,8 @@ pub struct Rows {
     pub faults: Vec<Fault>,
     /// Points that slipped.
     pub slips: Vec<Slip>,
+    /// What contradicts itself in the rows, and what is only remarked.
+    pub alike: Box<alike::Found>,
     /// Axes of each link in the previous frame, for links whose rotation about the long axis is carried on.
     carried: Vec<Option<Carried>>,
 }
@@ -91,6 +94,7 @@ impl Rows {
         if rows.len() < 2 {
             return Err(too_few(rows.len(), &faults));
         }
+        let alike = alike::found(&table, &links, &rows, mapping);
         if let Some(first) = rows.first() {
             mounting::find(&table, *first, &mut links, mapping)?;
         }
@@ -119,6 +123,7 @@ impl Rows {
             lengths_m: Box::new(lengths.map(|_, length| length.map(|length| length * unit_m))),
             faults,
             slips,
+            alike: Box::new(alike),
             carried: Vec::new(),
         };
         Ok((opened, timing, skipped))
@@ -227,14 +232,7 @@ impl Rows {
             }
             Turn::Quaternion(columns, relative) => {
                 let [w, x, y, z] = columns.map(|column| self.table.value(row, column));
-                let quaternion = Quaternion::new(w, x, y, z);
-                let length = quaternion.norm();
-                if (length - 1.0).abs() > OFF_UNIT {
-                    return Err(format!(
-                        "expected a quaternion of unit length, found {w} {x} {y} {z} of length {length:.3}"
-                    ));
-                }
-                let turned = UnitQuaternion::new_normalize(quaternion).to_rotation_matrix();
+                let turned = unit(&Quaternion::new(w, x, y, z))?.to_rotation_matrix();
                 Ok(if *relative { on } else { Matrix3::identity() } * turned.matrix() * link.zero)
             }
             Turn::Points(ends) => self.between(link, ends, row, parent, carried),

@@ -7,14 +7,16 @@ mod sensor;
 
 use std::path::{Path, PathBuf};
 
-use crate::table::Table;
+use crate::table::{LEAST_DEGREES, Table};
 use crate::timing::clock_rate;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::input;
 use sensor::Sensor;
 
-/// Length of a tick of sample times (s).
-const TICK_S: f64 = 1e-6;
+/// Length of a tick of sample times (s): that of Xsens DOT, and that of MT Manager.
+const TICKS_S: [f64; 2] = [1e-6, 1e-4];
+/// Highest rate of a sensor's orientations (Hz): beyond it, the tick is the longer one.
+const FASTEST: f64 = 1000.0;
 /// Distance from a common frame, in frames, at which a sample is out of time.
 const OUT_OF_TIME: f64 = 0.25;
 /// Largest share of samples out of time for a sensor to be used.
@@ -100,9 +102,9 @@ impl Frames {
         let origin = sensors.first().and_then(|sensor| sensor.stamps.first());
         let origin = origin.copied().unwrap_or(begin);
         let begin = origin + ((begin - origin) / step - OUT_OF_TIME).ceil() * step;
-        let stated = sensors.iter().find_map(|sensor| sensor.rate);
-        let measured = timed.then(|| clock_rate(1.0 / (step * TICK_S)));
-        let rate = stated.or(measured).ok_or_else(|| {
+        let stated = stated_rate(sensors);
+        let measured = timed.then(|| measured_rate(step, stated));
+        let rate = measured.or(stated).ok_or_else(|| {
             Problem::bad_input(
                 "expected sample times, or an update rate in the header, found neither",
             )
@@ -187,6 +189,44 @@ impl Frames {
     }
 }
 
+/// The rate that a header states (Hz).
+fn stated_rate(sensors: &[Sensor]) -> Option<f64> {
+    sensors.iter().find_map(|sensor| sensor.rate)
+}
+
+/// The rate (Hz) of frames that are so many ticks apart: the tick is the one with which it is nearer to a stated rate.
+fn measured_rate(step: f64, stated: Option<f64>) -> f64 {
+    let [short, long] = TICKS_S.map(|tick| clock_rate(1.0 / (step * tick)));
+    let off = |rate: f64| stated.map_or(0.0, |stated| (rate / stated).ln().abs());
+    if off(long) < off(short) || short > FASTEST {
+        long
+    } else {
+        short
+    }
+}
+
+/// What contradicts itself in the files.
+fn contradictions(sensors: &[Sensor]) -> Vec<String> {
+    let back = sensors.iter().filter_map(|sensor| {
+        let (count, line) = sensor.backwards?;
+        let what = if sensor.timed { "sample times" } else { "packet counters" };
+        Some(format!(
+            "the {what} of the sensor {} run backwards {count} times, first on line {line} of {}: its rows are of two recordings, or in another order",
+            sensor.tag,
+            sensor.file.display()
+        ))
+    });
+    let largest = sensors.iter().filter_map(|sensor| sensor.largest);
+    let largest = largest.reduce(f64::max);
+    let radians = largest.filter(|angle| (f64::MIN_POSITIVE..LEAST_DEGREES).contains(angle));
+    let radians = radians.map(|angle| {
+        format!(
+            "no angle of any sensor is beyond {angle:.2}, and degrees are expected: they are radians; export degrees, or quaternions"
+        )
+    });
+    back.chain(radians).collect()
+}
+
 /// One table of all sensors, from the latest begin to the earliest end.
 fn joined(sensors: &[Sensor]) -> Result<(Table, Vec<String>)> {
     let frames = Frames::of(sensors)?;
@@ -198,10 +238,12 @@ fn joined(sensors: &[Sensor]) -> Result<(Table, Vec<String>)> {
         warnings.extend(frames.add(sensor, &mut rows, columns.len())?);
         columns.extend(["w", "x", "y", "z"].map(|part| format!("{}.{part}", sensor.tag)));
     }
-    Ok((
-        Table::of_rows(columns, (1..).zip(rows).collect())?,
-        warnings,
-    ))
+    let mut table = Table::of_rows(columns, (1..).zip(rows).collect())?;
+    // Without times, the rate is the one that is stated.
+    let stated = stated_rate(sensors).filter(|_| sensors.iter().any(|sensor| sensor.timed));
+    table.header.rate = stated.map(|rate| ("Update Rate", rate));
+    table.header.contradictions = contradictions(sensors);
+    Ok((table, warnings))
 }
 
 #[cfg(test)]

@@ -251,11 +251,15 @@ impl Source {
             })?;
         warnings.extend(rows.faults.iter().map(ToString::to_string));
         warnings.extend(more);
+        warnings.extend(rows.alike.remarks.iter().cloned());
         // Who gives the rate has decided.
         let other_rate = (mapping.time.rate_hz.is_none())
             .then(|| header.other_rate(timing.rate))
             .flatten();
-        let contradictions = other_rate.into_iter().chain(few).collect();
+        let of_file = header.contradictions.iter();
+        let contradictions = (other_rate.into_iter().chain(few))
+            .chain(of_file.chain(&rows.alike.contradictions).cloned())
+            .collect();
         let (slips, first_s) = (rows.slips.clone(), rows.first_s());
         let (unit_m, lengths_m) = (rows.unit_m(), *rows.lengths_m);
         if let Some(thigh) = lengths_m[Segment::LeftThigh]

@@ -43,6 +43,7 @@ fn value<'a>(lines: &[&'a str], key: &str) -> Option<&'a str> {
 pub(crate) fn header(lines: &[&str]) -> Header {
     let number = |key| value(lines, key)?.parse().ok();
     Header {
+        contradictions: Vec::new(),
         rate: number("DataRate").map(|rate| ("DataRate", rate)),
         frames: value(lines, "nRows").and_then(|count| count.parse().ok()),
         found: None,

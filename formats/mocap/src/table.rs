@@ -16,7 +16,7 @@ const TIME: &str = "Time";
 
 /// Largest angle of a joint in radians, and the smallest of a moving body in degrees.
 const MOST_RADIANS: f64 = 7.0;
-const LEAST_DEGREES: f64 = 3.2;
+pub(crate) const LEAST_DEGREES: f64 = 3.2;
 
 /// A whole table.
 #[derive(Debug, Clone, PartialEq)]
@@ -340,6 +340,7 @@ fn trc<'a>(mut lines: impl Iterator<Item = (u64, &'a str)>) -> Result<Table> {
         unit_m: unit_of_length(&unit_name),
         unit_name: Some(unit_name),
         header: Header {
+            contradictions: Vec::new(),
             rate: of("DataRate").and_then(|rate| Some(("DataRate", rate.parse().ok()?))),
             frames: of("NumFrames").and_then(|count| count.parse().ok()),
             found: None,

@@ -22,6 +22,7 @@ mod watch;
 pub use arms::{CLOSURE_LIMIT, arm_frame};
 pub use bridge::{BRIDGE_LIMIT, BadFrames, Quality};
 pub use checks::Checks;
+pub use clock::{LOST, REPEATED};
 pub use frame::{FlightFrame, PelvisMotion};
 pub use mounting::Mounting;
 
@@ -204,6 +205,13 @@ impl<'a> Recording<'a> {
     pub fn with_velocities(mut self, velocities: Velocities) -> Self {
         self.velocities = Some(velocities);
         self.watch.velocities_of_another_sensor();
+        self
+    }
+
+    /// Says that the air moves at this velocity (m/s, inertial).
+    #[must_use]
+    pub fn in_air(mut self, velocity: [f64; 3]) -> Self {
+        self.watch.in_air(velocity);
         self
     }
 

@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use bodyflight_core::maneuver::Maneuver;
-use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::files::write_file;
-use bodyflight_laboratory::synthesize::{Additions, DEFAULT_SWAY, FILES, JointError, Request};
+use bodyflight_laboratory::synthesize::{Additions, FILES, Request};
 use bodyflight_mvnx::recording::Options;
 use bodyflight_replay::Precision;
 use bodyflight_replay::flight::Flight;
@@ -37,16 +36,7 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
     let maneuver = Maneuver::from_name(MANEUVER)
         .ok_or_else(|| Problem::bad_input(format!("no maneuver {MANEUVER}")))?;
     let subject = Subject::default();
-    let request = Request {
-        maneuver,
-        subject: &subject,
-        density: bodyflight_replay::flight::DEFAULT_DENSITY,
-        seed: SEED,
-        noise: SensorNoise::PAPER,
-        joint_error: JointError::default(),
-        sway: DEFAULT_SWAY,
-        tunnel: false,
-    };
+    let request = Request::new(maneuver, &subject, SEED);
     for names in [FILES, &["run.csv", "run.svg"]] {
         args.outputs.check_in(&args.out, names)?;
     }

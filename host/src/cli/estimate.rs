@@ -11,7 +11,7 @@ use bodyflight_estimation::Filter;
 use bodyflight_estimation::motion::Method;
 use bodyflight_estimation::report::Report;
 use bodyflight_estimation::request::Request;
-use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::diagnostic::{Kind, Problem, Result};
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::model_file::Effects;
 use bodyflight_replay::preset_file::{AUTO, SIGMA_POINTS, Tuning};
@@ -237,7 +237,7 @@ fn run_flight(
     let precision = args.precision.into();
     let estimation = request.run(&flight, options, precision, &mut |time| bar.at(time));
     bar.end();
-    let estimation = estimation?;
+    let estimation = estimation.map_err(|problem| args.about_preset(problem))?;
     if let Some(path) = &out {
         estimation.write_csv(path)?;
     }
@@ -299,6 +299,16 @@ fn advice(tuning: &Tuning) -> &'static str {
 }
 
 impl Args {
+    /// Names the file of the preset in a problem that no other file has.
+    fn about_preset(&self, problem: Problem) -> Problem {
+        let path = Path::new(&self.preset);
+        if problem.kind == Kind::BadInput && path.is_file() {
+            problem.in_file(path)
+        } else {
+            problem
+        }
+    }
+
     /// The preset, as changed by the flags.
     fn tuning(&self) -> Result<Tuning> {
         let mut tuning = Tuning::find(&self.preset)?;

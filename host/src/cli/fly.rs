@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bodyflight_core::aerodynamics::load_model::LoadModel;
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_io::files::write_file;
+use bodyflight_io::files::{sweep, write_file};
 use bodyflight_io::interrupt;
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_replay::subject::Subject;
@@ -83,6 +83,8 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         terminal::print(&format!("written: {}", path.display()));
         return Ok(());
     }
+    // What an earlier run left that was killed while it saved.
+    sweep(&args.save);
     let (folder, density) = (args.save.clone(), args.density);
     let saving = Arc::new(Mutex::new(()));
     let busy = Arc::clone(&saving);

@@ -4,11 +4,11 @@ use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use bodyflight_io::diagnostic::Result;
+use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
 use bodyflight_mvn_network::{AngularUnit, Options, Receiver, Sink, Source, Speed, replay};
 use bodyflight_mvnx::live::LiveRecording;
-use bodyflight_mvnx::recording::{self, FlightFrame};
+use bodyflight_mvnx::recording::{self, Checks, FlightFrame, Warning, faults};
 use bodyflight_replay::flight::Flight;
 use bodyflight_replay::subject::Subject;
 use bodyflight_verbs::view::live::{LiveView, Received};
@@ -174,6 +174,7 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
         view: args.watch.begin(&flight, args.flight.as_ref())?,
         shown: Instant::now(),
     };
+    let mut checks = Checks::new(args.rate.unwrap_or(240.0));
     let mut reported = (Instant::now(), 0);
     let mut frames = 0;
     while goes_on && !interrupt::requested() && args.frames.is_none_or(|limit| frames < limit) {
@@ -181,6 +182,7 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
             Ok(None) => {}
             Ok(Some(frame)) => {
                 frames += 1;
+                checks.see(&frame);
                 page.take(&frame, frames, source.receiver())?;
                 if let Some(kept) = &mut kept {
                     keep(kept, &frame, source.receiver())?;
@@ -194,29 +196,37 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
             #[expect(clippy::cast_precision_loss, reason = "few frames in a second")]
             let rate = (frames - reported.1) as f64 / reported.0.elapsed().as_secs_f64();
             reported = (Instant::now(), frames);
-            goes_on = if json {
-                terminal::json_line(&json!({
-                    "received_rate_hz": rate,
-                    "counters": source.receiver().counters(),
-                }))?
-            } else {
-                terminal::line(&format!(
-                    "{rate:.1} Hz, {}",
-                    summary(frames, source.receiver())
-                ))
-            };
+            goes_on = print_rate(rate, frames, source.receiver(), json)?;
         }
     }
-    print_totals(frames, source.receiver(), json)?;
+    // Who only listens need not fall.
+    let mut wrong = checks.warnings();
+    wrong.retain(|warning| warning.is_fault);
+    print_totals(frames, source.receiver(), &wrong, json)?;
     let kept = kept.map(LiveRecording::finish).transpose()?.flatten();
     match &kept {
-        Some(kept) if json => terminal::json_line(&json!({ "kept": kept })).map(|_| ()),
-        Some(kept) => {
-            print_kept(kept);
-            Ok(())
+        Some(kept) if json => {
+            terminal::json_line(&json!({ "kept": kept }))?;
         }
+        Some(kept) => print_kept(kept),
+        None => {}
+    }
+    match faults(&wrong) {
+        Some(doubt) => Err(Problem::doubt(doubt)),
         None => Ok(()),
     }
+}
+
+/// Prints the rate of the last second (Hz); returns whether anybody still reads it.
+fn print_rate(rate: f64, frames: u64, receiver: &Receiver, json: bool) -> Result<bool> {
+    if json {
+        let counters = receiver.counters();
+        return terminal::json_line(&json!({ "received_rate_hz": rate, "counters": counters }));
+    }
+    Ok(terminal::line(&format!(
+        "{rate:.1} Hz, {}",
+        summary(frames, receiver)
+    )))
 }
 
 /// Adds a frame to a recording, with the person's name if it is known.
@@ -255,8 +265,8 @@ impl Page {
     }
 }
 
-/// Prints the totals received.
-fn print_totals(frames: u64, receiver: &Receiver, json: bool) -> Result<()> {
+/// Prints the totals received, and what is wrong in the frames.
+fn print_totals(frames: u64, receiver: &Receiver, wrong: &[Warning], json: bool) -> Result<()> {
     if json {
         terminal::json_line(&json!({ "totals": {
             "frames": frames,
@@ -264,9 +274,11 @@ fn print_totals(frames: u64, receiver: &Receiver, json: bool) -> Result<()> {
             "subject": receiver.information().name(),
             "angular_unit": receiver.angular_unit().map(unit),
             "counters": receiver.counters(),
+            "warnings": wrong,
         }}))?;
         return Ok(());
     }
+    terminal::note_warnings(wrong);
     terminal::print(&format!("total: {}", summary(frames, receiver)));
     let counters = receiver.counters();
     for (count, what) in [

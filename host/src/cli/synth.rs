@@ -11,7 +11,7 @@ use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_laboratory::limb_sensors::{Fault, Limbs};
 use bodyflight_laboratory::sensor_bytes::SensorBytes;
 use bodyflight_laboratory::synthesize::{
-    Additions, DEFAULT_SWAY, FILES, JointError, Report, Request, synthesize_with,
+    Additions, FILES, JointError, Report, Request, synthesize_with,
 };
 use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_replay::subject::Subject;
@@ -125,17 +125,14 @@ pub(super) fn run(args: &Args, json: bool) -> Result<()> {
         Problem::unknown("maneuver", &args.maneuver, known)
     })?;
     let request = Request {
-        maneuver,
-        subject: &subject,
         density: args.density,
-        seed: args.seed,
         noise: SensorNoise::PAPER.scaled(args.noise),
         joint_error: JointError {
             calibration: args.joint_error_deg.to_radians(),
             wander: args.joint_wander_deg.to_radians(),
         },
-        sway: DEFAULT_SWAY,
         tunnel: args.tunnel,
+        ..Request::new(maneuver, &subject, args.seed)
     };
     request.check()?;
     let fault = args.sensor_fault.as_deref().map(Fault::parse).transpose()?;

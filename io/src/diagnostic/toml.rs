@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use toml::de::DeTable;
+
 use super::Problem;
 use super::choices::nearest;
 use super::shape::plain;
@@ -42,6 +44,36 @@ impl Problem {
             None => message,
         })
     }
+}
+
+impl Problem {
+    /// Finds the line of the field that its place names, in the text of the file: that of the nearest table around it if the
+    /// field is missing.
+    #[must_use]
+    pub fn on_its_line(self, text: &str) -> Self {
+        let place = self.place.as_deref().unwrap_or_default();
+        let path = place.rsplit(' ').next().unwrap_or(place);
+        match line(text, path) {
+            Some(line) => self.at_line(line),
+            None => self,
+        }
+    }
+}
+
+/// The line on which the field or table of this path stands, as in `air.velocity`.
+fn line(text: &str, path: &str) -> Option<u64> {
+    let document = DeTable::parse(text).ok()?;
+    let (mut table, mut found) = (Some(document.get_ref()), None);
+    for part in path.split('.') {
+        let known = table.into_iter().flat_map(|table| table.iter());
+        let Some((key, value)) = known.into_iter().find(|(key, _)| key.get_ref() == part) else {
+            break;
+        };
+        found = Some(key.span().start);
+        table = value.get_ref().as_table();
+    }
+    let before = text.get(..found?)?;
+    Some(before.matches('\n').count() as u64 + 1)
 }
 
 /// The path of the field concerned, as in `air.velocity`, if the error is about a field.
@@ -152,6 +184,25 @@ mod tests {
         );
         let comma = problem("height_m = 1,75\n").help.unwrap();
         assert!(comma.contains("height_m = 1.75"), "{comma}");
+    }
+
+    #[test]
+    fn a_field_that_is_checked_later_has_its_line() {
+        let text = "kind = 1\n\n[air]\nvelocity = [0, 0, 60]\n[segments.\"l_hand\"]\nrow = 3\nnoise.rate_hz = 2\n";
+        for (place, line) in [
+            ("kind", Some(1)),
+            ("air", Some(3)),
+            ("air.velocity", Some(4)),
+            ("field air.velocity", Some(4)),
+            ("table segments.l_hand", Some(5)),
+            ("segments.l_hand.axes", Some(5)),
+            ("segments.l_hand.noise.rate_hz", Some(7)),
+            ("body.axes", None),
+            ("", None),
+        ] {
+            let problem = Problem::bad_input("bad").at(place).on_its_line(text);
+            assert_eq!(problem.line, line, "{place}");
+        }
     }
 
     #[test]

@@ -4,7 +4,11 @@ use bodyflight_core::maneuver::Maneuver;
 use bodyflight_core::sensor_noise::SensorNoise;
 
 use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_replay::flight::DEFAULT_DENSITY;
 use bodyflight_replay::subject::Subject;
+
+/// Size of the involuntary sway of each joint of a relaxed skydiver (rad).
+pub const DEFAULT_SWAY: f64 = 0.02;
 
 /// Errors of the recorded joints that are slower than noise, standard deviations of each axis (rad).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -36,7 +40,21 @@ pub struct Request<'a> {
     pub tunnel: bool,
 }
 
-impl Request<'_> {
+impl<'a> Request<'a> {
+    /// A maneuver in free fall as the suit of the paper records it: its noise, no slow errors, the usual sway and air.
+    pub fn new(maneuver: &'static Maneuver, subject: &'a Subject, seed: u64) -> Self {
+        Self {
+            maneuver,
+            subject,
+            density: DEFAULT_DENSITY,
+            seed,
+            noise: SensorNoise::PAPER,
+            joint_error: JointError::default(),
+            sway: DEFAULT_SWAY,
+            tunnel: false,
+        }
+    }
+
     /// Checks that all numbers are in range.
     ///
     /// # Errors

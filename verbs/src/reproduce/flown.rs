@@ -4,10 +4,8 @@ use std::path::Path;
 
 use bodyflight_core::estimator::preset::Preset;
 use bodyflight_core::maneuver::Maneuver;
-use bodyflight_core::sensor_noise::SensorNoise;
 use bodyflight_io::diagnostic::{Problem, Result};
-use bodyflight_laboratory::synthesize::{self, Additions, DEFAULT_SWAY, JointError, Request};
-use bodyflight_replay::flight::DEFAULT_DENSITY;
+use bodyflight_laboratory::synthesize::{self, Additions, Request};
 use bodyflight_replay::subject::Subject;
 
 /// Seed of sway and noise.
@@ -22,15 +20,10 @@ pub(super) fn fly(
 ) -> Result<synthesize::Report> {
     let maneuver = Maneuver::from_name(maneuver)
         .ok_or_else(|| Problem::internal(format!("there is no maneuver {maneuver}")))?;
+    let subject = Subject::default();
     let request = Request {
-        maneuver,
-        subject: &Subject::default(),
-        density: DEFAULT_DENSITY,
-        seed: SEED,
-        noise: SensorNoise::PAPER,
-        joint_error: JointError::default(),
-        sway: DEFAULT_SWAY,
         tunnel,
+        ..Request::new(maneuver, &subject, SEED)
     };
     synthesize::synthesize_with(&request, additions, folder, &mut |_| {})
 }

@@ -139,7 +139,7 @@ mod tests {
     use bodyflight_core::maneuver::Maneuver;
     use bodyflight_core::sensor_noise::SensorNoise;
 
-    use bodyflight_laboratory::synthesize::{JointError, Request, synthesize};
+    use bodyflight_laboratory::synthesize::{Request, synthesize};
     use bodyflight_mvnx::recording::Options;
     use bodyflight_replay::flight::DensityChoice;
     use bodyflight_replay::steps::Replay;
@@ -148,15 +148,11 @@ mod tests {
     /// Turns of a person, recorded by perfect sensors.
     fn turns() -> (Flight, Vec<FlightFrame>) {
         let folder = tempfile::tempdir().unwrap();
+        let subject = Subject::default();
         let request = Request {
-            maneuver: Maneuver::from_name("rotations").unwrap(),
-            subject: &Subject::default(),
-            density: 1.0,
-            seed: 1,
             noise: SensorNoise::PAPER.scaled(0.0),
-            joint_error: JointError::default(),
             sway: 0.0,
-            tunnel: false,
+            ..Request::new(Maneuver::from_name("rotations").unwrap(), &subject, 1)
         };
         let flown = synthesize(&request, folder.path(), &mut |_| {}).unwrap();
         let flight = Flight::read(&flown.flight).unwrap();

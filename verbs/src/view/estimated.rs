@@ -64,26 +64,18 @@ fn series(points: &[Point]) -> Series {
 mod tests {
     use super::*;
     use bodyflight_core::maneuver::Maneuver;
-    use bodyflight_core::sensor_noise::SensorNoise;
     use bodyflight_estimation::motion::Method;
     use bodyflight_replay::preset_file::{AUTO, Tuning};
 
-    use bodyflight_laboratory::synthesize::{self, DEFAULT_SWAY, JointError, synthesize};
+    use bodyflight_laboratory::synthesize::{self, synthesize};
     use bodyflight_replay::subject::Subject;
 
     #[test]
     fn true_inputs_are_within_the_bands() {
         let folder = tempfile::tempdir().unwrap();
-        let flown = synthesize::Request {
-            maneuver: Maneuver::from_name("aggressive-turns").unwrap(),
-            subject: &Subject::default(),
-            density: 1.0,
-            seed: 1,
-            noise: SensorNoise::PAPER,
-            joint_error: JointError::default(),
-            sway: DEFAULT_SWAY,
-            tunnel: false,
-        };
+        let maneuver = Maneuver::from_name("aggressive-turns").unwrap();
+        let subject = Subject::default();
+        let flown = synthesize::Request::new(maneuver, &subject, 1);
         let flown = synthesize(&flown, folder.path(), &mut |_| {}).unwrap();
         let flight = Flight::read(&flown.flight).unwrap();
         let request = Request {

@@ -152,8 +152,7 @@ mod tests {
     use bodyflight_core::body::joint_angle::JointAngle;
     use bodyflight_core::dynamics::Motion;
     use bodyflight_core::maneuver::Maneuver;
-    use bodyflight_core::sensor_noise::SensorNoise;
-    use bodyflight_laboratory::synthesize::{JointError, Request, synthesize};
+    use bodyflight_laboratory::synthesize::{Request, synthesize};
     use bodyflight_mvnx::recording::Options;
     use bodyflight_replay::Precision;
     use bodyflight_replay::joint_change::JointChange;
@@ -167,15 +166,10 @@ mod tests {
 
     /// A flight with known inputs that change.
     fn roll(folder: &Path) -> Flight {
+        let subject = Subject::default();
         let request = Request {
-            maneuver: Maneuver::from_name("barrel-roll").unwrap(),
-            subject: &Subject::default(),
-            density: 1.0,
-            seed: 1,
-            noise: SensorNoise::PAPER,
-            joint_error: JointError::default(),
             sway: 0.0,
-            tunnel: false,
+            ..Request::new(Maneuver::from_name("barrel-roll").unwrap(), &subject, 1)
         };
         let flown = synthesize(&request, folder, &mut |_| {}).unwrap();
         Flight::read(&flown.flight).unwrap()

@@ -251,7 +251,9 @@ impl ImuMapping {
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let mapping: Self =
             toml::from_str(text).map_err(|error| Problem::toml(&error, text, path))?;
-        mapping.check().map_err(|problem| problem.in_file(path))?;
+        mapping
+            .check()
+            .map_err(|problem| problem.in_file(path).on_its_line(text))?;
         Ok(mapping)
     }
 
@@ -417,11 +419,11 @@ mod tests {
             (format!("kind = \"imu\"\n{pelvis}"), ["format", "columns"]),
             (
                 format!("kind = \"imu\"\nformat = \"x\"\n{pelvis}"),
-                ["field format", "\"x\""],
+                ["mapping.toml:2: field format", "\"x\""],
             ),
             (
                 format!("{HEAD}[calibration]\nbent_s = [3, 2]\n{pelvis}"),
-                ["calibration.bent_s", "3 to 2"],
+                ["mapping.toml:4: field calibration.bent_s", "3 to 2"],
             ),
             (
                 format!("{HEAD}{pelvis}range_dps = 0\n"),
@@ -436,7 +438,7 @@ mod tests {
                     "kind = \"imu\"\nrate_hz = 60\n[columns]\nangular_velocity = [\"x\", \"y\", \"z\"]\n\
                      free_acceleration = [\"a\", \"b\", \"c\"]\n{pelvis}"
                 ),
-                ["table columns", "orientation"],
+                ["mapping.toml:3: table columns", "orientation"],
             ),
             (
                 format!("{HEAD}rate = 3\n{pelvis}"),

@@ -2,16 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
+use crate::links::{rotation, unit};
 use bodyflight_io::diagnostic::{Problem, Result};
 
 /// The sample times of DOT count microseconds in 32 bits, the packet counters of MT Manager have 16 bits.
 const WRAP: f64 = 4_294_967_296.0;
 const COUNTER_WRAP: f64 = 65_536.0;
 
-/// Ways in which a file gives an orientation: names of columns, and the quaternion of their numbers.
-type Format = (&'static [&'static str], fn(&[f64]) -> UnitQuaternion<f64>);
+/// The orientation of a sample's numbers, or what is wrong with them.
+type Turn = fn(&[f64]) -> core::result::Result<UnitQuaternion<f64>, String>;
+
+/// A way in which a file gives an orientation: names of columns, and the orientation of their numbers.
+type Format = (&'static [&'static str], Turn);
 
 const FORMATS: [Format; 6] = [
     (&["Quat_W", "Quat_X", "Quat_Y", "Quat_Z"], of_quaternion),
@@ -29,32 +33,29 @@ const FORMATS: [Format; 6] = [
             "Mat[2][3]",
             "Mat[3][3]",
         ],
-        |numbers| {
-            let matrix = Matrix3::from_column_slice(numbers);
-            UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix))
-        },
+        of_matrix,
     ),
     (&["Euler_X", "Euler_Y", "Euler_Z"], of_angles),
     (&["Roll", "Pitch", "Yaw"], of_angles),
 ];
 
-fn of_quaternion(numbers: &[f64]) -> UnitQuaternion<f64> {
+fn of_quaternion(numbers: &[f64]) -> core::result::Result<UnitQuaternion<f64>, String> {
     let part = |k: usize| numbers.get(k).copied().unwrap_or(f64::NAN);
-    UnitQuaternion::new_normalize(nalgebra::Quaternion::new(
-        part(0),
-        part(1),
-        part(2),
-        part(3),
-    ))
+    unit(&Quaternion::new(part(0), part(1), part(2), part(3)))
+}
+
+fn of_matrix(numbers: &[f64]) -> core::result::Result<UnitQuaternion<f64>, String> {
+    let rotation = rotation(&Matrix3::from_column_slice(numbers))?;
+    Ok(UnitQuaternion::from_rotation_matrix(&rotation))
 }
 
 /// Degrees about X, Y and Z, in this order about fixed axes.
-fn of_angles(numbers: &[f64]) -> UnitQuaternion<f64> {
+fn of_angles(numbers: &[f64]) -> core::result::Result<UnitQuaternion<f64>, String> {
     let about = |k: usize, axis: Vector3<f64>| {
         let angle = numbers.get(k).copied().unwrap_or(f64::NAN).to_radians();
         UnitQuaternion::from_scaled_axis(axis * angle)
     };
-    about(2, Vector3::z()) * about(1, Vector3::y()) * about(0, Vector3::x())
+    Ok(about(2, Vector3::z()) * about(1, Vector3::y()) * about(0, Vector3::x()))
 }
 
 /// The samples of a sensor.
@@ -69,6 +70,10 @@ pub(super) struct Sensor {
     /// Whether stamps are times, not packets.
     pub(super) timed: bool,
     pub(super) turns: Vec<UnitQuaternion<f64>>,
+    /// Largest angle (deg), if the file gives angles.
+    pub(super) largest: Option<f64>,
+    /// How often stamps run backwards, and the first line on which they do.
+    pub(super) backwards: Option<(u64, u64)>,
 }
 
 /// What the lines before the samples say.
@@ -79,7 +84,9 @@ struct Header {
     separator: char,
     /// Columns of the orientation, and the quaternion of their numbers.
     places: Vec<usize>,
-    turn: fn(&[f64]) -> UnitQuaternion<f64>,
+    turn: Turn,
+    /// Whether these are angles.
+    is_angles: bool,
     /// Column of sample times.
     fine: Option<usize>,
 }
@@ -125,6 +132,7 @@ impl Header {
             tag,
             rate: rate.filter(|rate: &f64| rate.is_finite() && *rate > 0.0),
             fine: place("SampleTimeFine"),
+            is_angles: places.len() == 3,
             names,
             separator,
             places,
@@ -163,12 +171,21 @@ impl Sensor {
             stamps: Vec::new(),
             timed: true,
             turns: Vec::new(),
+            largest: None,
+            backwards: None,
         };
         for (line, content) in lines {
             let cells: Vec<&str> = content.split(header.separator).map(str::trim).collect();
+            let before = sensor.stamps.last().copied();
             sensor
                 .add(&header, &cells)
                 .map_err(|problem| problem.at_line(line))?;
+            let back = before.zip(sensor.stamps.last());
+            let back = back.map_or(0.0, |(before, stamp)| before - stamp);
+            // Counters begin again.
+            if back > 0.0 && back < 0.5 * sensor.wrap() {
+                sensor.backwards.get_or_insert((0, line)).0 += 1;
+            }
         }
         sensor.unwrapped();
         if sensor.stamps.len() < 2 {
@@ -184,6 +201,14 @@ impl Sensor {
         if header.places.iter().all(|at| is_empty(*at)) {
             return Ok(());
         }
+        let more = cells.get(header.names.len()..).unwrap_or_default();
+        if more.iter().any(|cell| !cell.is_empty()) {
+            let (names, found) = (header.names.len(), cells.len());
+            return Err(Problem::bad_input(format!(
+                "expected {names} cells, as many as the columns have names, found {found}"
+            ))
+            .help("the names of the columns are those of another file: export it again"));
+        }
         let fine = header.fine.filter(|at| !is_empty(*at));
         if self.stamps.is_empty() {
             self.timed = fine.is_some();
@@ -192,13 +217,28 @@ impl Sensor {
         self.stamps.push(header.number(cells, stamp.unwrap_or(0))?);
         let numbers = header.places.iter().map(|at| header.number(cells, *at));
         let numbers: Vec<f64> = numbers.collect::<Result<_>>()?;
-        self.turns.push((header.turn)(&numbers));
+        let turn = (header.turn)(&numbers);
+        self.turns.push(turn.map_err(|message| {
+            Problem::bad_input(message)
+                .help("the columns are exchanged, or those of another quantity")
+        })?);
+        if header.is_angles {
+            let largest = numbers
+                .iter()
+                .fold(0.0_f64, |most, angle| most.max(angle.abs()));
+            self.largest = Some(self.largest.unwrap_or(0.0).max(largest));
+        }
         Ok(())
+    }
+
+    /// Where the counter of stamps begins again.
+    fn wrap(&self) -> f64 {
+        if self.timed { WRAP } else { COUNTER_WRAP }
     }
 
     /// Makes stamps rise where their counter began again.
     fn unwrapped(&mut self) {
-        let wrap = if self.timed { WRAP } else { COUNTER_WRAP };
+        let wrap = self.wrap();
         let (mut before, mut turns) = (f64::NEG_INFINITY, 0.0);
         for stamp in &mut self.stamps {
             if *stamp + 0.5 * wrap < before {
@@ -209,7 +249,7 @@ impl Sensor {
         }
     }
 
-    /// The usual step between stamps.
+    /// The usual step between stamps: the mean of those without a gap, since stamps are rounded.
     pub(super) fn step(&self) -> f64 {
         let mut steps: Vec<f64> = self
             .stamps
@@ -217,6 +257,10 @@ impl Sensor {
             .map(|pair| pair[1] - pair[0])
             .collect();
         steps.sort_by(f64::total_cmp);
-        steps.get(steps.len() / 2).copied().unwrap_or(0.0)
+        let usual = steps.get(steps.len() / 2).copied().unwrap_or(0.0);
+        let (sum, count) = (steps.iter())
+            .filter(|step| (0.6 * usual..1.5 * usual).contains(*step))
+            .fold((0.0, 0.0), |(sum, count), step| (sum + step, count + 1.0));
+        if count > 0.0 { sum / count } else { usual }
     }
 }

@@ -17,6 +17,13 @@ impl Checks {
         Self(Watch::new(frame_rate))
     }
 
+    /// In air that moves at this velocity (m/s, inertial).
+    #[must_use]
+    pub fn in_air(mut self, velocity: [f64; 3]) -> Self {
+        self.0.in_air(velocity);
+        self
+    }
+
     /// Takes the next frame.
     pub fn see(&mut self, frame: &FlightFrame) {
         let pelvis = frame.pelvis;

@@ -10,9 +10,10 @@ const TOLERANCE: f64 = 0.03;
 const NEAR: f64 = 0.3;
 /// Change of either between two frames of a body that moves, well above the last digit of a file.
 const MOVES: f64 = 5e-5;
-/// Share of repeated frames above which a recording was made at a lower rate than it states, and above which it lost some.
-const REPEATED: f64 = 0.1;
-const LOST: f64 = 0.01;
+/// Share of repeated frames above which a recording was made at a lower rate than it states.
+pub const REPEATED: f64 = 0.1;
+/// Share of repeated frames above which it lost some.
+pub const LOST: f64 = 0.01;
 
 /// What has been seen of the clock.
 #[derive(Debug, Clone, Default)]

@@ -106,6 +106,8 @@ pub(super) struct Paths {
     /// Length of the path according to the positions, and to the velocities (m).
     lengths: [f64; 2],
     up: f64,
+    /// Upward velocity of the air (m/s).
+    air_up: f64,
     frames: u64,
     /// Time (s) and size (m) of the first jump of the pelvis that its velocity does not explain, and their number.
     jump: Option<(f64, f64)>,
@@ -244,9 +246,22 @@ impl Paths {
         self.leg = None;
     }
 
-    /// Mean upward speed (m/s) of a body that rises faster than anything in a fall, if the recording lasts so long (s).
-    pub(super) fn rises(&self, duration: f64) -> Option<f64> {
-        Some(self.up / duration.max(f64::MIN_POSITIVE)).filter(|up| *up > RISES)
+    /// The air moves up at this velocity (m/s).
+    pub(super) fn in_air(&mut self, up: f64) {
+        self.air_up = up;
+    }
+
+    /// A body that rises against the air faster than anything in a fall, in a sentence, if the recording lasts so long (s).
+    pub(super) fn rises(&self, duration: f64) -> Option<String> {
+        let up = self.up / duration.max(f64::MIN_POSITIVE) - self.air_up;
+        let against = if self.air_up == 0.0 {
+            ""
+        } else {
+            " against the air"
+        };
+        (up > RISES).then(|| format!(
+            "the body rises by {up:.1} m/s on average{against}; expected a fall, with upward velocities positive"
+        ))
     }
 
     /// Speed beyond that of a fall, and whether it is beyond that of any skydiver.

@@ -157,7 +157,7 @@ fn drag(report: &Report) -> String {
             "{area:.3} m2 at {:.0} kg, +- {spread:.3} from second to second; {ballistic:.0} kg/m2",
             report.mass_kg
         ),
-        None => "unknown: no second of the fall can be used".to_owned(),
+        None => "unknown: no second of the fall can be used, or nothing slows it".to_owned(),
     }
 }
 

@@ -53,7 +53,7 @@ pub(super) fn table(report: &Report, jump: &Jump, units: Units) -> String {
         (
             "drag area",
             report.steady_drag().map_or(
-                "unknown: no second of the fall can be used".to_owned(),
+                "unknown: no second of the fall can be used, or nothing slows it".to_owned(),
                 |[area, spread, ballistic]| {
                     format!(
                         "{area:.2} m2 &plusmn; {spread:.2} at {:.0} kg; {ballistic:.0} kg/m2",
