@@ -1,6 +1,6 @@
 //! Sensors on the limbs without nodes: BNO08x in their UART-RVC mode, each on a line of its own to the unit's board.
 //!
-//! What they send becomes the packets of a [chain] of nodes, so that everything behind it is the same. Their clocks are
+//! What they send becomes the packets of a chain of nodes, so that everything behind it is the same. Their clocks are
 //! their own: an attitude is taken between two packets of a sensor at the instants of the unit's cycles. The mode has no angular
 //! velocity, so that of a packet is the mean by which the attitude turned since the cycle before: no turn is lost, but the
 //! corrections of the sensor's fusion are in it, which takes the force of the air for gravity and whose bias and noise are not
