@@ -152,6 +152,11 @@ impl Rows {
         })
     }
 
+    /// Line of a frame in the file, from 1.
+    pub fn line(&self, place: usize) -> u64 {
+        self.table.line(self.rows.get(place).copied().unwrap_or(0))
+    }
+
     /// A frame, by its index among the complete rows; rotations that the source does not have continue those of the
     /// previous call.
     ///

@@ -31,6 +31,22 @@ pub struct SourceFrame {
     pub position: Option<Vector3<f64>>,
 }
 
+impl SourceFrame {
+    /// What a number of the file that is too large made of a rotation or the position, which are then not finite.
+    pub(crate) fn too_large(&self) -> Option<String> {
+        let mut segments = self.world_from_segment.iter();
+        let turned = segments.find(|(_, turned)| !turned.iter().all(|value| value.is_finite()));
+        let is_far = |at: Vector3<f64>| !at.iter().all(|value| value.is_finite());
+        match turned {
+            Some((segment, _)) => Some(format!("an angle of {}", segment.name())),
+            None => self
+                .position
+                .is_some_and(is_far)
+                .then(|| "a position".to_owned()),
+        }
+    }
+}
+
 /// Converts the rotations of mapped segments. The rotation from the axes of a model segment to inertial axes is
 /// `world · R · rest`, where `R` is the rotation from the axes of the source's segment to those of its world.
 #[derive(Debug, Clone, PartialEq)]

@@ -140,8 +140,8 @@ impl Source {
     /// # Errors
     /// Returns an error if its numbers do not define rotations.
     pub fn frame(&mut self, place: usize) -> Result<SourceFrame> {
-        match &mut self.motion {
-            Motion::Rows(rows) => rows.frame(place),
+        let frame = match &mut self.motion {
+            Motion::Rows(rows) => rows.frame(place)?,
             Motion::Joints(bvh, joints) => {
                 let placed = bvh.placed(place);
                 let at = |segment: Segment| {
@@ -149,16 +149,26 @@ impl Source {
                     joint.map_or_else(Vector3::zeros, |joint| joint.position)
                 };
                 let middle = (at(Segment::LeftThigh) + at(Segment::RightThigh)) * 0.5;
-                Ok(SourceFrame {
+                SourceFrame {
                     world_from_segment: joints.map(|_, joint| {
                         joint
                             .and_then(|joint| placed.get(joint))
                             .map_or_else(Matrix3::identity, |joint| joint.orientation)
                     }),
                     position: Some(middle * self.unit_m),
-                })
+                }
             }
-        }
+        };
+        let Some(what) = frame.too_large() else {
+            return Ok(frame);
+        };
+        let message =
+            format!("expected numbers of a person, found {what} too large to compute with");
+        let problem = Problem::bad_input(message);
+        Err(match &self.motion {
+            Motion::Rows(rows) => problem.at_line(rows.line(place)),
+            Motion::Joints(..) => problem.at(format!("frame {place}")),
+        })
     }
 
     fn of_tree(mut bvh: Tree, mapping: &Mapping, has_lengths: bool) -> Result<Self> {
