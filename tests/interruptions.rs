@@ -11,6 +11,7 @@ mod unit_log;
 mod verbs;
 
 use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -24,6 +25,32 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_bodyflight");
 
 /// Kills of each verb; `BODYFLIGHT_KILLS=200` makes the table of docs/security.md.
 const KILLS: u32 = 2;
+
+fn kills() -> u32 {
+    let given = std::env::var("BODYFLIGHT_KILLS").ok();
+    given.map_or(KILLS, |given| given.parse().expect("a number"))
+}
+
+/// A run that goes on, and the first line that it says; none if it was killed before.
+fn goes_on(folder: &Path, arguments: &[&str]) -> (Child, String) {
+    let mut child = Command::new(PROGRAM)
+        .args(arguments)
+        .current_dir(folder)
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("the binary starts");
+    let mut first = String::new();
+    let said = child.stdout.take().expect("it is piped");
+    BufReader::new(said)
+        .read_line(&mut first)
+        .expect("a line or the end");
+    (child, first.trim().to_owned())
+}
+
+fn end(mut child: Child) {
+    child.kill().expect("it can be killed");
+    child.wait().expect("it ends");
+}
 
 /// Everything in a folder by its name there.
 type Content = BTreeMap<PathBuf, Vec<u8>>;
@@ -161,8 +188,7 @@ fn killed(verb: &Verb, inputs: &Content, kills: u32, random: &mut Random) -> [u3
 
 #[test]
 fn a_killed_run_leaves_nothing_partial_and_no_orphan() {
-    let kills =
-        std::env::var("BODYFLIGHT_KILLS").map_or(KILLS, |text| text.parse().expect("a number"));
+    let kills = kills();
     let place = tempfile::tempdir().expect("a folder");
     written(place.path());
     let inputs = content(place.path());

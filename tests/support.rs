@@ -20,6 +20,29 @@ use bodyflight_shared_data::shared;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use serde_json::Value;
 
+/// The column of a segment in a table of OpenSense's orientations.
+pub fn opensense_name(segment: &str) -> String {
+    let bones = [
+        ("upperarm", "humerus"),
+        ("forearm", "ulna"),
+        ("hand", "hand"),
+        ("thigh", "femur"),
+        ("shank", "tibia"),
+        ("foot", "calcn"),
+    ];
+    let limb = segment.split_once('_').and_then(|(side, limb)| {
+        let (_, bone) = bones.iter().find(|(own, _)| *own == limb)?;
+        Some(format!("{bone}_{side}_imu"))
+    });
+    let trunk = || {
+        segment
+            .replace("thorax", "torso")
+            .replace("abdomen", "spine")
+            + "_imu"
+    };
+    limb.unwrap_or_else(trunk)
+}
+
 /// The folder of reference numbers; `None`, with a notice, if it is absent.
 pub fn reference_folder() -> Option<PathBuf> {
     shared("reference")

@@ -7,7 +7,6 @@ use bodyflight_core::body::{SEGMENT_COUNT, SegmentArray};
 use bodyflight_core::dynamics::Dynamics;
 use bodyflight_core::estimator::full::Full;
 use bodyflight_core::estimator::motion::settings::{MOTION, MotionPreset};
-use bodyflight_core::estimator::motion::watch::Consistency;
 use bodyflight_core::estimator::reduced::Reduced;
 
 use crate::joint_errors::{JointErrors, joint_errors};
@@ -147,10 +146,7 @@ fn with_each<R>(
         None
     };
     reached(0.0);
-    let mut doubts = found.as_ref().map_or(Doubts::NONE, JointErrors::doubts);
-    if !flight.doubted.is_empty() {
-        doubts.least = Consistency::Doubtful;
-    }
+    let doubts = found.as_ref().map_or(Doubts::NONE, JointErrors::doubts);
     let about = Sizes::about(f64::from(preset.joint_error));
     let sizes = found.as_ref().map_or(about, |_| Sizes::any());
     // If joint errors wander in the first minute, the whole flight has no solution with constant ones.

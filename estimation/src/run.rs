@@ -64,13 +64,14 @@ impl<'a> Run<'a> {
         history.map_or(*flight, |history| history.muscles_at(time, flight))
     }
 
-    /// What an estimate can be at best: where the recording contradicts itself, none is consistent.
+    /// What an estimate can be at best: if the import doubted a sensor, or where the recording contradicts itself, none is
+    /// consistent.
     fn consistency_at(&self, time: f64) -> Consistency {
         let has_fault = self.warnings.iter().any(|warning| {
             let span = warning.span_s;
             warning.is_fault && span.is_none_or(|[from, to]| (from..=to).contains(&time))
         });
-        if has_fault {
+        if has_fault || !self.flight.doubted.is_empty() {
             Consistency::Doubtful
         } else {
             Consistency::Consistent
@@ -154,8 +155,8 @@ impl<'a> Run<'a> {
                     return;
                 };
                 let watch = estimate.watch.cast();
-                let consistency = estimate.consistency.max(doubts.least);
-                let consistency = consistency.max(self.consistency_at(instant.time));
+                let at_best = doubts.least.max(self.consistency_at(instant.time));
+                let consistency = estimate.consistency.max(at_best);
                 collector.take(&watch, consistency, instant.time, instant.time - last);
                 last = instant.time;
                 flags.count_faults(estimate.faults);

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use bodyflight_core::{Posture, Segment, SegmentArray};
 use bodyflight_mvnx::xsens;
+use bodyflight_tests::opensense_name;
 use bodyflight_tests::program::{plain, text, written};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -46,33 +47,12 @@ fn same_postures(folder: &Path) {
 fn postures_survive_opensense() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = plain(&folder.path().join("out")).to_owned();
-    let bone = |segment: Segment| {
-        let name = segment.name();
-        let bones = [
-            ("upperarm", "humerus"),
-            ("forearm", "ulna"),
-            ("hand", "hand"),
-            ("thigh", "femur"),
-            ("shank", "tibia"),
-            ("foot", "calcn"),
-        ];
-        match name.split_once('_') {
-            Some((side, limb)) => {
-                let (_, bone) = bones.iter().find(|(own, _)| *own == limb).expect("a bone");
-                format!("{bone}_{side}_imu")
-            }
-            None => format!(
-                "{}_imu",
-                name.replace("thorax", "torso").replace("abdomen", "spine")
-            ),
-        }
-    };
     let flight = sensors();
     let mut sto =
         "DataRate=200.000000\nDataType=Quaternion\nversion=3\nOpenSimVersion=4.4\nendheader\ntime"
             .to_owned();
     for segment in Segment::ALL {
-        let _ = write!(sto, "\t{}", bone(segment));
+        let _ = write!(sto, "\t{}", opensense_name(segment.name()));
     }
     for (k, frame) in flight.iter().enumerate() {
         let _ = write!(sto, "\n{:.3}", k as f64 / 200.0);

@@ -1,34 +1,21 @@
 //! Saves of `fly` that are killed: whoever looks sees whole flights only, and the next start leaves no more than these.
 
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use bodyflight_core::link::fault::Random;
 use bodyflight_tests::text_inputs::flown;
 
-use super::{KILLS, PROGRAM, TEMPORARY, content, run, start};
+use super::{TEMPORARY, content, end, goes_on, kills, run, start};
 
 /// Frames of a flight of ten seconds.
 const FRAMES: usize = 2400;
 
 /// Starts `fly` until its page is there.
 fn started(folder: &Path) {
-    let mut fly = Command::new(PROGRAM)
-        .args(["fly", "--save", "flights"])
-        .current_dir(folder)
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("the binary starts");
-    let mut first = String::new();
-    let said = fly.stdout.take().expect("it is piped");
-    BufReader::new(said)
-        .read_line(&mut first)
-        .expect("an address");
+    let (fly, first) = goes_on(folder, &["fly", "--save", "flights"]);
     assert!(first.contains("fly at"), "{first}");
-    fly.kill().expect("it can be killed");
-    fly.wait().expect("it ends");
+    end(fly);
 }
 
 fn names(folder: &Path) -> Vec<String> {
@@ -39,8 +26,7 @@ fn names(folder: &Path) -> Vec<String> {
 
 #[test]
 fn a_killed_save_leaves_whole_flights_and_nothing_after_the_next_start() {
-    let kills =
-        std::env::var("BODYFLIGHT_KILLS").map_or(KILLS, |text| text.parse().expect("a number"));
+    let kills = kills();
     let place = tempfile::tempdir().expect("a folder");
     std::fs::write(place.path().join("flown.csv"), flown(FRAMES)).expect("written");
     let flights = place.path().join("flights");
@@ -53,7 +39,7 @@ fn a_killed_save_leaves_whole_flights_and_nothing_after_the_next_start() {
     // At random moments, and one while the folder is there for certain.
     for kill in 0..=kills {
         let before = names(&flights).len();
-        let mut child = start(place.path(), &arguments);
+        let child = start(place.path(), &arguments);
         if kill == 0 {
             let end = Instant::now() + Duration::from_secs(20);
             while !names(&flights)
@@ -66,8 +52,7 @@ fn a_killed_save_leaves_whole_flights_and_nothing_after_the_next_start() {
             let share = f64::from(u32::try_from(random.below(1100)).expect("small")) / 1000.0;
             std::thread::sleep(duration.mul_f64(share));
         }
-        child.kill().expect("it can be killed");
-        child.wait().expect("it ends");
+        end(child);
         let found = names(&flights);
         let (hidden, seen): (Vec<_>, Vec<_>) =
             found.iter().partition(|name| name.starts_with(TEMPORARY));

@@ -1,36 +1,19 @@
 //! A unit that is killed while it writes its log: what is read back afterwards is whole up to the cut.
 
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 use std::time::{Duration, Instant};
 
 use bodyflight_core::link::fault::Random;
 
-use super::{KILLS, PROGRAM, run, start};
+use super::{end, goes_on, kills, run, start};
 
 /// Size of the file that acts as the unit's memory (bytes).
 const MEMORY: u64 = 3 << 20;
 
 /// A unit with its log in `flash`, and its port; no port if it was killed before it had one.
 fn unit(folder: &Path) -> (Child, String) {
-    let mut unit = Command::new(PROGRAM)
-        .args(["unit", "--flash", "flash"])
-        .current_dir(folder)
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("the binary starts");
-    let mut port = String::new();
-    let said = unit.stdout.take().expect("it is piped");
-    BufReader::new(said)
-        .read_line(&mut port)
-        .expect("a line or the end");
-    (unit, port.trim().to_owned())
-}
-
-fn end(mut child: Child) {
-    child.kill().expect("it can be killed");
-    child.wait().expect("it ends");
+    goes_on(folder, &["unit", "--flash", "flash"])
 }
 
 /// What is read back: the lines of the recording's frames, those of the estimates, and whether blocks are damaged.
@@ -77,8 +60,7 @@ fn is_beginning(part: &[String], whole: &[String]) -> bool {
 
 #[test]
 fn a_killed_unit_leaves_a_log_that_is_whole_up_to_the_cut() {
-    let kills =
-        std::env::var("BODYFLIGHT_KILLS").map_or(KILLS, |text| text.parse().expect("a number"));
+    let kills = kills();
     let place = tempfile::tempdir().expect("a folder");
     let folder = place.path();
     run(folder, &["hide", "clean", "--duration", "4", "--out", "."]);

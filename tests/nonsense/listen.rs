@@ -1,9 +1,18 @@
 //! Live streams that contradict themselves.
 
 use std::io::{BufRead, BufReader};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use super::{bodyflight, kind, recorded};
+
+/// Sends a recording to an address, four times as fast as it was.
+fn sent(recording: &Path, address: &str) {
+    let flight = recording.join("flight.mvnx");
+    let flight = flight.to_str().expect("plain");
+    let (said, ended) = bodyflight(&["mvn", "send", flight, "--to", address, "--speed", "4"]);
+    assert_eq!(ended, Some(0), "{said}");
+}
 
 #[test]
 fn a_stream_that_contradicts_itself_is_doubted_by_who_only_listens() {
@@ -22,9 +31,7 @@ fn a_stream_that_contradicts_itself_is_doubted_by_who_only_listens() {
         let mut lines = BufReader::new(listen.stdout.take().expect("a pipe")).lines();
         let first = lines.next().expect("a line").expect("text");
         let address = first.split('"').nth(3).expect("an address");
-        let flight = made.join("flight.mvnx");
-        let flight = flight.to_str().expect("plain");
-        bodyflight(&["mvn", "send", flight, "--to", address, "--speed", "4"]);
+        sent(&made, address);
         let said: Vec<String> = lines.map_while(Result::ok).collect();
         let ended = listen.wait().expect("ended").code();
         let is_told = said
@@ -53,10 +60,7 @@ fn a_live_stream_is_checked_as_a_recording_is() {
     let mut lines = BufReader::new(stream.stderr.take().expect("a pipe")).lines();
     let first = lines.next().expect("a line").expect("text");
     let address = first.rsplit(' ').next().expect("an address");
-    let flight = made.join("flight.mvnx");
-    let flight = flight.to_str().expect("plain");
-    let (said, ended) = bodyflight(&["mvn", "send", flight, "--to", address, "--speed", "4"]);
-    assert_eq!(ended, Some(0), "{said}");
+    sent(&made, address);
     let said: Vec<String> = lines.map_while(Result::ok).collect();
     let said = said.join(" ");
     // On a machine that is too slow, the unit drops samples, which is another problem.

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use bodyflight_core::{Posture, Segment};
 use bodyflight_mvnx::xsens;
+use bodyflight_tests::opensense_name;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::imports::SEGMENTS;
@@ -340,24 +341,9 @@ fn mapping(all: &[Sensor], is_dot: bool) -> String {
 
 /// One file with all sensors, as OpenSense has it.
 fn opensense(all: &[Sensor]) -> String {
-    let bone = |name: &str| {
-        let bones = [
-            ("upperarm", "humerus"),
-            ("forearm", "ulna"),
-            ("hand", "hand"),
-            ("thigh", "femur"),
-            ("shank", "tibia"),
-            ("foot", "calcn"),
-        ];
-        let limb = name.split_once('_').map(|(side, limb)| {
-            let known = bones.iter().find(|(own, _)| *own == limb);
-            format!("{}_{side}_imu", known.expect("a bone").1)
-        });
-        limb.unwrap_or_else(|| name.replace("thorax", "torso") + "_imu")
-    };
     let mut text = all[0].header.clone() + "time";
     for sensor in all {
-        let _ = write!(text, "\t{}", bone(sensor.name));
+        let _ = write!(text, "\t{}", opensense_name(sensor.name));
     }
     for (k, row) in all[0].rows.iter().enumerate() {
         let time: f64 = row[1].parse().expect("a time");
