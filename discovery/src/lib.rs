@@ -32,11 +32,14 @@ use bodyflight_core::tolerances::Tolerances;
 use error::{Error, Result};
 use hypotheses::decision::DECISION;
 use hypotheses::forward_selection::{ERRORS, FitWithoutEffects, selected};
+use hypotheses::hypothesis::NamedEffect;
 use hypotheses::random_effect_test::{scored, strongest};
 use hypotheses::refit::Refit;
+use hypotheses::robust_covariance::error_bars;
 use hypotheses::score_test::JointFit;
 use input::flight::RecordedFlight;
 use likelihood::flight_problem::FlightProblem;
+use likelihood::variance_components::FittedErrors;
 use named_effect::Outcome;
 use output::report::Report;
 use output::verdict::report;
@@ -123,14 +126,18 @@ pub fn discover(
     let (joint_fit, bare) = (found.joint_fit, found.bare);
     let report = report(
         &joint_fit,
-        found.plain,
+        found.plain.clone(),
         found.unadjusted,
-        found.names,
+        found.names.clone(),
         found.nearest,
         progress,
     )?;
+    if let Some(bare) = bare.filter(|_| !found.names.is_empty()) {
+        let (flights, named) = ((joint_fit, bare), (found.names, found.plain));
+        return beside_names(&refit, flights, named, report, settings.max_effects);
+    }
     match report.verdict {
-        Outcome::Unexplained => by_description(&refit, bare.unwrap_or(joint_fit), report),
+        Outcome::Unexplained => by_description(&refit, joint_fit, report),
         // Loads and inputs that change fast may look like errors of the suit.
         Outcome::Calibrated if !scored(&joint_fit).is_empty() => {
             by_description(&refit, joint_fit, report)
@@ -147,6 +154,40 @@ fn by_description<'a>(refit: &Refit<'a>, bare: JointFit<'a>, report: Report) -> 
         Ok(report)
     } else {
         by_strength(refit, bare, report)
+    }
+}
+
+/// Names an effect that changes at random beside those with a value, or in their place if they are not certain beside it.
+/// Otherwise, what they do not explain is described.
+///
+/// The flights are those with the names and those without any effect. `plain` has the errors of the latter.
+fn beside_names<'a>(
+    refit: &Refit<'a>,
+    (joint_fit, bare): (JointFit<'a>, JointFit<'a>),
+    (mut names, plain): (Vec<NamedEffect>, Option<Vec<FittedErrors>>),
+    before: Report,
+    max_effects: usize,
+) -> Result<Report> {
+    let is_possible = names.len() < max_effects && before.verdict != Outcome::Thin;
+    if is_possible
+        && let Some(found) = strongest(refit, joint_fit, 0.0)?
+        && found.stands_out
+    {
+        let bars = error_bars(&found.with, refit.progress);
+        if bars.redundant().is_some() {
+            return by_strength(refit, bare, before);
+        }
+        names.push(found.name);
+        let unadjusted = before.misfit_unadjusted;
+        let named = report(&found.with, plain, unadjusted, names, None, refit.progress)?;
+        let is_left = named.remainders.iter().any(|left| left.is_unexplained);
+        if !is_left && named.verdict == Outcome::Named {
+            return Ok(named);
+        }
+    }
+    match before.verdict {
+        Outcome::Unexplained => by_description(refit, bare, before),
+        _ => Ok(before),
     }
 }
 

@@ -24,7 +24,8 @@ pub(crate) fn without_redundant<'a>(
         let Some(without) = fitted_without(refit, &joint_fit, redundant.effect)? else {
             break;
         };
-        if is_significant(&without.compared(&joint_fit, &redundant)) {
+        let beside = without.compared(&joint_fit, &redundant);
+        if is_significant(&without.checked_without_refit(beside, refit.progress)) {
             break;
         }
         names.retain(|name| name.hypothesis.effect != redundant.effect);

@@ -99,15 +99,28 @@ fn unpromising(hypothesis: Hypothesis) -> Rejected {
     }
 }
 
-/// The best candidate that matters in the first of several scenes in which it looks promising.
-fn sought(
-    progress: &dyn Progress,
-    joint_fits: &[&JointFit<'_>],
+/// The best candidate in the first of two places in which one looks promising.
+///
+/// Fitted constants may have absorbed most of a missing effect, so effects are sought around the values in the files
+/// first, beside those already named. The flights' own constants are tried next, because slopes may differ far from the
+/// files. `files` is replaced if other effects have been named since.
+fn sought<'a>(
+    refit: &Refit<'a>,
+    files: &mut JointFit<'a>,
+    own: &JointFit<'a>,
     out_of_question: &[Effect],
 ) -> Result<Option<BestHypothesis>> {
+    if files.effects != own.effects
+        && let Some(beside) = refit.around_files(own)?
+    {
+        *files = beside;
+    }
     let mut found: Option<BestHypothesis> = None;
-    for (place, from) in joint_fits.iter().enumerate() {
-        let hypotheses = from.hypotheses(out_of_question, progress)?;
+    for (around_files, from) in [(true, &*files), (false, own)] {
+        if from.effects != own.effects {
+            continue;
+        }
+        let hypotheses = from.hypotheses(out_of_question, refit.progress)?;
         let Some(hypothesis) = hypotheses.iter().find(|one| one.matters()).cloned() else {
             continue;
         };
@@ -116,7 +129,7 @@ fn sought(
             found = Some(BestHypothesis {
                 hypothesis,
                 hypotheses,
-                around_files: joint_fits.len() > 1 && place == 0,
+                around_files,
             });
         }
         if is_promising {
@@ -145,7 +158,7 @@ pub(crate) fn selected<'a>(
     let each = each.map(|alone| (alone.around_files, alone.settled));
     let (files, settled): (Vec<LinearFit>, Vec<LinearFit>) = each.unzip();
     let unadjusted = unadjusted(files.get(..refit.count).unwrap_or(&files));
-    let files = refit.joint_fit(files, none.clone());
+    let mut files = refit.joint_fit(files, none.clone());
     let mut joint_fit = refit.joint_fit(settled, none);
     let mut plain: Option<Vec<FittedErrors>> = None;
     let mut names: Vec<NamedEffect> = Vec::new();
@@ -157,10 +170,7 @@ pub(crate) fn selected<'a>(
     while names.len() < max_effects && out_of_question.len() < DECISION.rejections {
         begin(refit.progress, "comparing the effects of the library")?;
         let tried = names.len() + out_of_question.len();
-        // Fitted constants may have absorbed most of a missing effect, so the first effect is sought around the
-        // files. The flights' own constants are tried next, because slopes may differ far from the files.
-        let joint_fits = &[&files, &joint_fit][names.len().min(1)..];
-        let found = sought(refit.progress, joint_fits, &out_of_question)?;
+        let found = sought(refit, &mut files, &joint_fit, &out_of_question)?;
         reached(refit.progress, tried, 0.3);
         let Some(found) = found else {
             break;
@@ -175,7 +185,8 @@ pub(crate) fn selected<'a>(
             .as_ref()
             .map(|next| error_bars(next, refit.progress))
             .unwrap_or_default();
-        name.hypothesis = bars.judged(name.hypothesis);
+        let judged = bars.judged(name.hypothesis);
+        name.hypothesis = joint_fit.checked_without_refit(judged, refit.progress);
         let is_significant = next.is_some() && is_significant(&name.hypothesis);
         let is_nameable = is_nameable(&joint_fit, name.hypothesis.effect);
         if let Some(next) = next

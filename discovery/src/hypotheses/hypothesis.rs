@@ -22,6 +22,8 @@ pub(crate) struct Hypothesis {
     pub gain: f64,
     /// Gain in each held-out flight.
     pub gains_held_out: Vec<f64>,
+    /// Gain in all flights with the slopes and the covariance of the flights without it, if that was computed.
+    pub gain_without_refit: Option<f64>,
 }
 
 impl Hypothesis {
@@ -41,10 +43,27 @@ impl Hypothesis {
     /// The same as the score given all flights, tempered. It decides whether the effect is named.
     ///
     /// A held-out flight adds its gain with parameters that were not fitted to it, which is its factor in the probability
-    /// of all flights. What the errors of refits give away is subtracted.
+    /// of all flights. What the errors of refits give away is subtracted, or the gain without a refit is taken, if it is
+    /// less: it has no such errors.
     pub(crate) fn log_odds(&self) -> f64 {
-        let gain = self.gain + self.gains_held_out.iter().sum::<f64>();
-        gain / self.tempering + self.cost_of_ranges(self.tempering) - DECISION.refit_allowance()
+        let gain = self.gain_of_refits();
+        let sure = gain - self.tempering * DECISION.refit_allowance();
+        let without_refit = self.gain_without_refit.map(|other| other.min(gain));
+        self.odds_by(without_refit.map_or(sure, |other| other.max(sure)))
+    }
+
+    pub(crate) fn gain_of_refits(&self) -> f64 {
+        self.gain + self.gains_held_out.iter().sum::<f64>()
+    }
+
+    fn odds_by(&self, gain: f64) -> f64 {
+        gain / self.tempering + self.cost_of_ranges(self.tempering)
+    }
+
+    /// Whether it would be certain enough to be named if refits had no errors, but is not.
+    pub(crate) fn hinges_on_refits(&self) -> bool {
+        let certain = -(DECISION.false_discovery_rate / (1.0 - DECISION.false_discovery_rate)).ln();
+        self.log_odds() < certain && self.odds_by(self.gain_of_refits()) > certain
     }
 
     /// Probability that the effect does not act: the local false discovery rate.
@@ -87,6 +106,7 @@ impl Hypothesis {
         let mut own = Self {
             effect,
             gains_held_out: Vec::new(),
+            gain_without_refit: None,
             ..self.clone()
         };
         let away: Vec<f64> = estimated(effect)
@@ -169,6 +189,7 @@ impl Hypothesis {
 }
 
 /// A named effect.
+#[derive(Clone)]
 pub(crate) struct NamedEffect {
     pub(crate) hypothesis: Hypothesis,
     /// Other effects that were refitted and not named.
@@ -245,6 +266,7 @@ mod tests {
             tempering: 1.0,
             gain: left(0.0) - left(value),
             gains_held_out: Vec::new(),
+            gain_without_refit: None,
         }
     }
 
@@ -284,6 +306,31 @@ mod tests {
             // They only judge what was chosen without them.
             assert!((other.score() - sure.score()).abs() < 1e-12);
         }
+    }
+
+    /// A gain that two computations agree on needs no allowance; where they differ, the lesser or the allowance counts.
+    #[test]
+    fn without_refits_there_is_no_error_of_refits() {
+        let unsure = updraft(3.0, 0.5);
+        assert!(unsure.hinges_on_refits() && !is_significant(&unsure));
+        let odds = |gain: f64| {
+            let checked = Hypothesis {
+                gain_without_refit: Some(gain),
+                ..unsure.clone()
+            };
+            checked.log_odds()
+        };
+        let most = unsure.log_odds() + DECISION.refit_allowance();
+        for (gain, expected) in [
+            (2.0 * unsure.gain, most),
+            (unsure.gain, most),
+            (unsure.gain - 1.0, most - 1.0),
+            (-100.0, unsure.log_odds()),
+        ] {
+            assert!((odds(gain) - expected).abs() < 1e-9, "{gain}");
+        }
+        assert!(!updraft(0.1, 0.5).hinges_on_refits());
+        assert!(!updraft(8.0, 0.5).hinges_on_refits());
     }
 
     /// Beside nothing else, the gain over neutral values is the one that the fit found.

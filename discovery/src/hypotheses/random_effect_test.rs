@@ -35,8 +35,8 @@ pub(crate) struct RandomEffect<'a> {
     pub(crate) stands_out: bool,
 }
 
-/// The effect that changes at random and gains most in flights that neither values nor a description explain, if any is
-/// worth fitting. `description_gain` is the gain of the nearest description beyond its cost.
+/// The effect that changes at random and gains most in flights that neither values nor a description explain, beside the
+/// effects that are named in them, if any is worth fitting. `description_gain` is the gain of the nearest description beyond its cost.
 ///
 /// # Errors
 /// Returns an error if the search was cancelled.
@@ -61,7 +61,7 @@ pub(crate) fn strongest<'a>(
     let Some((hypothesis, with)) = best else {
         return Ok(None);
     };
-    refit.retry_without(&mut without, &with)?;
+    refit.refitted_from(&mut without, &with)?;
     let hypothesis = without.compared(&with, &hypothesis);
     let is_significant = is_significant(&hypothesis);
     let stands_out =
@@ -164,11 +164,20 @@ fn beside_strength<'a>(
             return Ok(None);
         };
         own.1 = values;
-        for (problem, fit) in &mut fits {
+        let mut next = Vec::new();
+        for (problem, fit) in &fits {
             let point = fit.point_with(&effects);
-            let Some(next) = problem.fit(&point, Some(&fit.errors), 1, refit.progress)? else {
+            let Some(fit) = problem.fit(&point, Some(&fit.errors), 1, refit.progress)? else {
                 return Ok(None);
             };
+            next.push(fit);
+        }
+        if !joint_fit.effects.is_empty() {
+            // Those with a value were fitted to flights of which the random one was a part.
+            let round = refit.with_same_slopes(refit.round(next, effects)?)?;
+            (next, effects) = (round.fitted, round.effects);
+        }
+        for ((_, fit), next) in fits.iter_mut().zip(next) {
             *fit = next;
         }
     }
@@ -193,6 +202,7 @@ fn beside_strength<'a>(
         tempering: 1.0,
         gain: 0.0,
         gains_held_out: Vec::new(),
+        gain_without_refit: None,
     };
     Ok(Some((joint_fit.compared(&next, &hypothesis), next)))
 }

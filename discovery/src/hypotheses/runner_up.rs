@@ -60,10 +60,17 @@ pub(crate) fn fitted_beside<'a>(
     let mut others = challenging(&hypotheses, &name.hypothesis);
     name.hypothesis = joint_fit.compared(&next, &name.hypothesis);
     if !is_significant(&name.hypothesis) {
-        return Ok((name, Some(next)));
+        refit.refitted_from(&mut next, joint_fit)?;
+        let again = joint_fit.compared(&next, &name.hypothesis);
+        name.hypothesis = joint_fit.checked_without_refit(again, refit.progress);
+        if !is_significant(&name.hypothesis) {
+            return Ok((name, Some(next)));
+        }
     }
     let first = name.hypothesis.effect;
-    if refit.retry_without(joint_fit, &next)? > DECISION.refit_allowance() {
+    let (gained, retried) = refit.retried(joint_fit, next)?;
+    next = retried;
+    if gained > DECISION.refit_allowance() {
         // The choice was made with poorly fitted flights, so look for competitors again.
         let mut fresh = joint_fit.hypotheses(&[first], refit.progress)?;
         fresh.retain(|other| other.matters() && other.is_promising());
@@ -75,7 +82,7 @@ pub(crate) fn fitted_beside<'a>(
     name.hypothesis = joint_fit.compared(&next, &name.hypothesis);
     challenge(refit, joint_fit, &mut next, &mut name, others)?;
     if name.hypothesis.effect != first {
-        refit.retry_without(joint_fit, &next)?;
+        (_, next) = refit.retried(joint_fit, next)?;
         name.hypothesis = joint_fit.compared(&next, &name.hypothesis);
     }
     Ok((name, Some(next)))

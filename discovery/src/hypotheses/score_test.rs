@@ -59,7 +59,24 @@ impl<'a> JointFit<'a> {
             effects: with.effects.clone(),
             gain: gains(&self.fitted, &with.fitted).iter().sum(),
             gains_held_out: gains(&self.held_out, &with.held_out),
+            gain_without_refit: None,
             ..hypothesis.clone()
+        }
+    }
+
+    /// The same hypothesis, with its gain in these flights without a refit if the name depends on the errors of refits.
+    pub(crate) fn checked_without_refit(
+        &self,
+        hypothesis: Hypothesis,
+        progress: &dyn Progress,
+    ) -> Hypothesis {
+        if !hypothesis.hinges_on_refits() {
+            return hypothesis;
+        }
+        let other = self.followed(&hypothesis.effects, hypothesis.effect, progress);
+        Hypothesis {
+            gain_without_refit: other.map(|other| other.gain_of_refits()),
+            ..hypothesis
         }
     }
 
@@ -201,6 +218,7 @@ impl<'a> JointFit<'a> {
             effect,
             gain: plain_left - problem.left(&step),
             gains_held_out: held_out.collect::<Option<Vec<_>>>()?,
+            gain_without_refit: None,
             effects,
             covariance,
             tempering: 1.0,
@@ -276,6 +294,7 @@ impl<'a> JointFit<'a> {
             effect,
             gain: plain_left - 0.5 * best.square,
             gains_held_out: held_out.collect::<Option<Vec<_>>>()?,
+            gain_without_refit: None,
             effects,
             covariance,
             tempering: 1.0,

@@ -48,6 +48,14 @@ impl LinearizationPoint {
         }
     }
 
+    /// The same with effects in the model.
+    pub fn files_with(effects: &EffectSet) -> Self {
+        Self {
+            effects: effects.clone(),
+            ..Self::files()
+        }
+    }
+
     /// The joint errors in a stretch.
     ///
     /// The derivatives of an effect depend on the joints. Taken at the recorded joints, their errors would be

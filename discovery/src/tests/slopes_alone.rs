@@ -44,7 +44,7 @@ fn what_slopes_gain_without_an_effect_is_not_its_gain() {
     };
     let mut without = refit.joint_fit(vec![bare], none);
     let with = refit.joint_fit(vec![with], acting);
-    let gained = refit.retry_without(&mut without, &with).unwrap();
+    let gained = refit.refitted_from(&mut without, &with).unwrap();
     assert!((bare_likelihood + gained - without.likelihood()).abs() < 1e-6);
     assert!(without.likelihood() >= alone_likelihood - 1e-6);
 }
