@@ -73,7 +73,7 @@ pub fn sensors(mapping: &ImuMapping, path: &Path) -> Result<Vec<(Segment, Stream
             }
             None => path.to_owned(),
         };
-        let stream = stream::read(&file, &columns, &row.prefix, mapping.rate_hz)
+        let stream = stream::read(&file, &columns, row, mapping.rate_hz)
             .map_err(|problem| problem.at(format!("sensor {}", segment.name())))?;
         found.push((segment, stream.earlier(row.late_s)));
     }
@@ -103,6 +103,7 @@ pub fn worn(
     let mut notes = calibrated.notes.clone();
     notes.extend(remarks(sensors));
     let mut doubts = Doubts::default();
+    doubts.fused(&mapping.rows()?);
     doubts.exchanged(ground.exchange(sensors, &calibrated.fitted));
     let in_tray = clocks::in_tray(&mapping.calibration.turns_s, sensors, &calibrated.fitted);
     let window = flight(mapping, sensors, &calibrated)?;
