@@ -8,6 +8,7 @@ pub mod capture;
 mod numbers;
 pub mod packet;
 pub mod record;
+mod sample;
 pub mod sensor_type;
 pub mod server;
 pub mod source;

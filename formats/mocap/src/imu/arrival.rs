@@ -4,12 +4,15 @@
 //! early, so the least delayed ones tell when the others were sent: each sample is taken to be at least one period before
 //! the next. That needs no clock of the sensor.
 
+use std::path::Path;
+
 use bodyflight_core::suit::strapdown::Reading;
 use bodyflight_io::diagnostic::{Problem, Result};
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::fused::Turning;
-use super::stream::{BRIDGED, Places, Stream};
+use super::mapping::{Columns, SensorRow};
+use super::stream::{self, BRIDGED, Places, Stream};
 use crate::table::Table;
 
 /// Samples over which a period is measured, if none of them was lost; fewer if there are not enough such spans.
@@ -36,11 +39,24 @@ struct Arrived {
     force: Vector3<f64>,
 }
 
+/// Reads one sensor from a file.
+///
+/// # Errors
+/// Returns an error if the file cannot be read, or for the reasons given at [`of`].
+pub(super) fn read(path: &Path, columns: &Columns, sensor: &SensorRow) -> Result<Stream> {
+    let text = bodyflight_io::input::utf_8(bodyflight_io::input::movement(path)?, path)?;
+    let table = stream::table(&text, columns, &sensor.prefix);
+    table
+        .and_then(|table| of(&table, columns, sensor))
+        .map_err(|problem| problem.in_file(path))
+}
+
 /// The samples of a table.
 ///
 /// # Errors
 /// Returns an error if times run backwards, or for the reasons given at [`Stream`].
-pub(super) fn stream(table: &Table, places: &Places) -> Result<Stream> {
+fn of(table: &Table, columns: &Columns, sensor: &SensorRow) -> Result<Stream> {
+    let places = Places::of(table, columns, sensor, None)?;
     let mut arrived: Vec<Arrived> = Vec::new();
     let mut lost = 0.0;
     for row in 0..table.rows() {
@@ -166,20 +182,17 @@ fn filled(arrived: &[Arrived], period: f64) -> Result<Stream> {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use bodyflight_core::air::STANDARD_GRAVITY;
     use proptest::prelude::*;
 
-    use super::super::mapping::{ImuMapping, SensorRow};
-    use super::super::stream;
+    use super::super::mapping::ImuMapping;
     use super::*;
 
     fn read(text: &str, sensor: &SensorRow) -> Result<Stream> {
         let mapping = "kind = \"imu\"\nformat = \"slimevr\"\n[sensors.pelvis]\n";
         let columns = ImuMapping::parse(mapping, Path::new("m.toml"))?.columns()?;
         let table = stream::table(text, &columns, "")?;
-        Stream::of(&table, &columns, sensor, None)
+        of(&table, &columns, sensor)
     }
 
     /// Orientation about X at a time (s): at rest until 2 s, then it swings.

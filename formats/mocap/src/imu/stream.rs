@@ -6,7 +6,6 @@ use bodyflight_core::suit::strapdown::Reading;
 use bodyflight_io::diagnostic::{Problem, Result};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use super::arrival;
 use super::fused::{Turning, pulled, with_gravity};
 use super::mapping::{Columns, SensorRow};
 use crate::table::Table;
@@ -71,7 +70,7 @@ pub(super) struct Places {
 }
 
 impl Places {
-    fn of(
+    pub(super) fn of(
         table: &Table,
         columns: &Columns,
         sensor: &SensorRow,
@@ -207,9 +206,6 @@ impl Stream {
         rate_hz: Option<f64>,
     ) -> Result<Self> {
         let places = Places::of(table, columns, sensor, rate_hz)?;
-        if columns.arrived {
-            return arrival::stream(table, &places);
-        }
         let (mut times, mut readings) = (Vec::new(), Vec::new());
         let mut clock = Clock::default();
         let mut turning = Turning::default();

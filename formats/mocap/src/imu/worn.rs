@@ -8,6 +8,7 @@ use bodyflight_core::{Body, Posture, Segment, SegmentArray};
 use bodyflight_io::diagnostic::{Problem, Result};
 use nalgebra::Vector3;
 
+use super::arrival;
 use super::calibration::{Calibrated, calibrated};
 use super::checks::{FirstPose, Joints};
 use super::clocks::{self, Late};
@@ -73,8 +74,11 @@ pub fn sensors(mapping: &ImuMapping, path: &Path) -> Result<Vec<(Segment, Stream
             }
             None => path.to_owned(),
         };
-        let stream = stream::read(&file, &columns, row, mapping.rate_hz)
-            .map_err(|problem| problem.at(format!("sensor {}", segment.name())))?;
+        let read = match columns.arrived {
+            true => arrival::read(&file, &columns, row),
+            false => stream::read(&file, &columns, row, mapping.rate_hz),
+        };
+        let stream = read.map_err(|problem| problem.at(format!("sensor {}", segment.name())))?;
         found.push((segment, stream.earlier(row.late_s)));
     }
     Ok(found)

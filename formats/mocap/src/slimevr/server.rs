@@ -7,6 +7,7 @@ use std::net::SocketAddr;
 use serde::Serialize;
 
 use super::packet::{Datagram, Handshake, Message, kind};
+pub use super::sample::{Received, Sample};
 use super::tracker::{SILENCE, Tracker};
 
 /// Most trackers at once.
@@ -24,32 +25,6 @@ const GREETING_LENGTH: usize = 64;
 const MOST_REPLIES: usize = 16;
 /// What this server can do: bundles, and those with short heads.
 const FEATURES: u8 = 0b11;
-
-/// A sample of a sensor.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sample {
-    /// When its orientation arrived (s). Trackers do not say when they measured.
-    pub time_s: f64,
-    /// A quaternion w, x, y, z from the tracker's axes to axes of which Z is up.
-    pub orientation: [f64; 4],
-    /// Acceleration without gravity as the tracker sent it (m/s2); `None` if it did not arrive.
-    pub acceleration: Option<[f64; 3]>,
-    /// Number of the packet.
-    pub number: u64,
-    /// Packets of the tracker that were lost since this sensor's sample before.
-    pub lost: u64,
-}
-
-/// A sample, and whose it is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Received {
-    /// Place of the tracker in [`Server::trackers`].
-    pub tracker: usize,
-    /// Number of the sensor in the tracker.
-    pub sensor: u8,
-    /// The sample.
-    pub sample: Sample,
-}
 
 /// A datagram to send.
 pub type Reply = (SocketAddr, Vec<u8>);

@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 
 use super::numbers::{Numbers, Order};
 use super::packet::{Handshake, Message};
-use super::server::Sample;
+use super::sample::Sample;
 
 /// Silence from which a tracker is named (s).
 pub(super) const SILENCE: f64 = 1.0;

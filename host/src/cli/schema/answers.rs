@@ -58,7 +58,6 @@ const ANSWERS: &[Row] = &[
         "simulate-what-if-several",
         answer::<Several<verbs::simulate::what_if::Report>>,
     ),
-    ("slimevr-read", answer::<verbs::slimevr::Report>),
     ("stream", answer::<stream::report::Report>),
     (
         "stream-sensor",
