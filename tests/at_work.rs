@@ -54,6 +54,7 @@ const LONG: [&str; 14] = [
     "stream @ --virtual",
     "mvn send @ --to 127.0.0.1:9",
     "mvn listen --bind 127.0.0.1:0",
+    "slimevr listen --bind 127.0.0.1:0",
     "monitor --xbus",
     "unit",
     "simulate @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @ @",

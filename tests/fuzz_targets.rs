@@ -17,7 +17,7 @@ mod recording;
 pub type Target = fn(&[u8]);
 
 /// All targets by name; each has a file in `fuzz/fuzz_targets` and a folder in `fuzz/corpus`.
-pub const TARGETS: [(&str, Target); 12] = [
+pub const TARGETS: [(&str, Target); 13] = [
     ("mvnx", recording::mvnx),
     ("numbers", numbers::numbers),
     ("xbus", line::xbus),
@@ -25,6 +25,7 @@ pub const TARGETS: [(&str, Target); 12] = [
     ("flash", memory::flash),
     ("setup", memory::setup),
     ("mxtp", network::mxtp),
+    ("slimevr", network::slimevr),
     ("flysight", files::flysight),
     ("toml", files::toml),
     ("csv", files::csv),

@@ -9,6 +9,8 @@
 mod monitor;
 #[path = "live/network.rs"]
 mod network;
+#[path = "live/slimevr.rs"]
+mod slimevr;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -3,6 +3,8 @@
 
 #[path = "suit_flights/faults.rs"]
 mod faults;
+#[path = "suit_flights/slimevr.rs"]
+mod slimevr;
 
 use std::path::{Path, PathBuf};
 

@@ -15,8 +15,8 @@ mod files;
 
 use files::{BODYFLIGHT, bodyflight, copied, prepared};
 
-/// Documented commands with one of these words use MVN's port, so only one of them runs at a time.
-const WITH_PORT: [&str; 2] = ["mvn", "--mvn"];
+/// Documented commands with one of these words use the port of MVN or SlimeVR, so only one of them runs at a time.
+const WITH_PORT: [&str; 3] = ["mvn", "--mvn", "slimevr"];
 static PORT: Mutex<()> = Mutex::new(());
 
 /// Commands that run at once in each test: some fly in real time, and wait more than they compute.
@@ -138,7 +138,7 @@ fn tried(place: &Path, example: &[String]) -> (Option<i32>, String) {
         .expect("the binary starts");
     let endless = match example.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["fly", ..] => !example.contains(&"--out".to_owned()),
-        ["mvn", "listen", ..] => true,
+        ["mvn" | "slimevr", "listen", ..] => true,
         ["stream", ..] => example
             .iter()
             .any(|word| word == "--view" || word == "--mvn"),

@@ -26,6 +26,7 @@ mod several;
 #[cfg_attr(not(feature = "full"), path = "cli/without_shell.rs")]
 mod shell;
 mod simulate;
+mod slimevr;
 mod stream;
 mod synth;
 mod technique;
@@ -87,6 +88,7 @@ enum Verb {
     Ports(ports::Args),
     Monitor(monitor::Args),
     Mvn(mvn::Args),
+    Slimevr(slimevr::Args),
     Schema(schema::Args),
     Completions(shell::Completions),
     Man(shell::Man),
@@ -152,6 +154,7 @@ fn run(cli: &Cli) -> Result<()> {
         Verb::Ports(args) => ports::run(args, cli.json),
         Verb::Monitor(args) => monitor::run(args, cli.json),
         Verb::Mvn(args) => mvn::run(args, cli.json),
+        Verb::Slimevr(args) => slimevr::run(args, cli.json),
         Verb::Schema(args) => schema::run(args, cli.json),
         Verb::Completions(args) => shell::completions(args, command()),
         Verb::Man(args) => shell::man(args, command(), cli.json),

@@ -2,8 +2,11 @@
 
 use std::fmt::Write as _;
 use std::fs;
+use std::net::SocketAddr;
 use std::path::Path;
 use std::process::{Command, Output};
+
+use bodyflight_tests::slimevr_trackers::{Form, Tracker, pcap};
 
 /// The program.
 pub(crate) const BODYFLIGHT: &str = env!("CARGO_BIN_EXE_bodyflight");
@@ -108,6 +111,23 @@ pub(crate) fn prepared(place: &Path) {
     for (name, text) in found {
         fs::write(place.join(name), text).expect("written");
     }
+    fs::write(place.join("traffic.pcap"), traffic()).expect("written");
+}
+
+/// What a tracker sends in a second.
+fn traffic() -> Vec<u8> {
+    let from = SocketAddr::from(([192, 168, 1, 7], 6969));
+    let mut tracker = Tracker::new(1, Form::Bundled);
+    let mut all = vec![(0.0, from, tracker.handshake(13))];
+    for k in 0..100 {
+        let packets = tracker.sample(0, &Default::default(), &Default::default());
+        all.extend(
+            packets
+                .into_iter()
+                .map(|packet| (0.01 * f64::from(k), from, packet)),
+        );
+    }
+    pcap(&all)
 }
 
 /// Copies a folder by hard links, for an example to run in.

@@ -19,6 +19,7 @@ pub mod poses;
 pub mod reproduce;
 pub mod sensitivity;
 pub mod simulate;
+pub mod slimevr;
 pub mod stability;
 pub mod technique;
 pub mod trim;

@@ -4,9 +4,11 @@
 //! clock, and [`worn`] finds bias, scale and mounting of each, looks for sensors that are exchanged, late or turned, and runs
 //! the suit of the core over all of it.
 
+mod arrival;
 mod calibration;
 mod checks;
 mod clocks;
+mod columns;
 mod doubts;
 mod exchange;
 mod fused;

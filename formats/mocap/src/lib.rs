@@ -31,6 +31,7 @@ pub mod row;
 pub mod rows;
 mod sensors;
 pub mod skeleton;
+pub mod slimevr;
 pub mod slip;
 mod smpl;
 pub mod source;

@@ -11,7 +11,7 @@ use super::terminal;
 #[cfg(all(test, feature = "schema"))]
 mod answers;
 
-/// By verb, for verbs that answer with one value. `monitor` and `mvn listen` print an endless stream of lines, described
+/// By verb, for verbs that answer with one value. `monitor`, `mvn listen` and `slimevr listen` print an endless stream of lines, described
 /// in docs/formats.md.
 const SCHEMAS: &str = include_str!("../../data/schemas.json");
 

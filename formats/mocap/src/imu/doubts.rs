@@ -6,13 +6,16 @@ use bodyflight_core::{Segment, SegmentArray};
 use super::checks::Bent;
 use super::clocks::Late;
 use super::exchange::Exchange;
-use super::mapping::ImuMapping;
+use super::mapping::{ImuMapping, SensorRow};
 use super::stream::Stream;
 
 /// Standard deviation of a segment whose sensor is doubted (rad): little is known of it.
 const DOUBTED: f64 = 0.7;
 /// Gap after which a direction is not known any more (s).
 const LONG_GAP: f64 = 0.5;
+
+/// Part of the name of a fusion that follows the Earth's magnetic field.
+const MAGNETOMETER: &str = "magnetometer";
 
 /// Doubts, in the order in which they were found.
 #[derive(Debug, Default)]
@@ -36,6 +39,34 @@ impl Doubts {
     /// Whether something has been said of a segment's sensor.
     fn concerns(&self, segment: Segment) -> bool {
         self.segments.contains(&segment)
+    }
+
+    /// Sensors whose orientations are made in another way than those of most others, or with a magnetometer.
+    pub(super) fn fused(&mut self, rows: &[(Segment, &SensorRow)]) {
+        let named = rows
+            .iter()
+            .filter_map(|(segment, row)| Some((*segment, row.fusion.as_deref()?)));
+        let named: Vec<(Segment, &str)> = named.collect();
+        let count_of = |name: &str| named.iter().filter(|(_, own)| *own == name).count();
+        // The first of the most frequent, which is that of the pelvis if there is a choice.
+        let usual = named
+            .iter()
+            .rev()
+            .max_by_key(|(_, name)| count_of(name))
+            .map(|(_, name)| *name);
+        for (segment, name) in &named {
+            let sensor = segment.name();
+            if usual.is_some_and(|usual| usual != *name) {
+                let usual = usual.unwrap_or_default();
+                self.add(&[*segment], format!(
+                    "the orientations of the sensor {sensor} are made by {name}, those of others by {usual}: what differs between fusions becomes posture; wear sensors of one kind"
+                ));
+            } else if name.contains(MAGNETOMETER) {
+                self.add(&[*segment], format!(
+                    "the orientations of the sensor {sensor} are made with a magnetometer, which is off by tens of degrees indoors and near metal: switch it off"
+                ));
+            }
+        }
     }
 
     pub(super) fn exchanged(&mut self, found: Option<Exchange>) {

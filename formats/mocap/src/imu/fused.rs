@@ -26,3 +26,8 @@ impl Turning {
 pub(super) fn with_gravity(turn: &UnitQuaternion<f64>, free: &Vector3<f64>) -> Vector3<f64> {
     turn.inverse() * (free + Vector3::z() * STANDARD_GRAVITY)
 }
+
+/// Specific force (m/s2, sensor axes) from an acceleration without gravity (m/s2) in the sensor's own axes.
+pub(super) fn pulled(turn: &UnitQuaternion<f64>, linear: &Vector3<f64>) -> Vector3<f64> {
+    linear + turn.inverse() * (Vector3::z() * STANDARD_GRAVITY)
+}

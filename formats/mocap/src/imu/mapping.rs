@@ -4,11 +4,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use bodyflight_core::Segment;
-use bodyflight_core::air::STANDARD_GRAVITY;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::file_kind::FileKind;
 use bodyflight_io::input;
 use serde::Deserialize;
+
+pub use super::columns::{Columns, FORMATS, ForceUnit, RateUnit};
+use super::columns::{MVNX, columns_of};
 
 /// The value of `kind`.
 pub const KIND: &str = "imu";
@@ -37,81 +39,6 @@ pub struct ImuMapping {
     pub flight: FlightWindow,
     /// The sensors by the names of their segments.
     pub sensors: BTreeMap<String, SensorRow>,
-}
-
-/// Columns by name, and their units.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Columns {
-    /// Time of the sample, or a counter.
-    pub time: Option<String>,
-    /// Column with the number of the sample, for files whose column of times is empty; it needs a rate.
-    pub counter: Option<String>,
-    /// Length of one unit of the time (s).
-    #[serde(default = "one")]
-    pub time_unit_s: f64,
-    /// Angular velocity about the sensor's x, y and z.
-    pub angular_velocity: Option<[String; 3]>,
-    /// Orientation by the sensor's own fusion, a quaternion w, x, y, z from the sensor to level axes, instead of rates.
-    pub orientation: Option<[String; 4]>,
-    /// Unit of the angular velocity.
-    #[serde(default)]
-    pub angular_velocity_unit: RateUnit,
-    /// Specific force along x, y and z: at rest it points up.
-    pub specific_force: Option<[String; 3]>,
-    /// Acceleration without gravity in the level axes of the orientation, instead of the specific force.
-    pub free_acceleration: Option<[String; 3]>,
-    /// Unit of the specific force.
-    #[serde(default)]
-    pub specific_force_unit: ForceUnit,
-}
-
-const fn one() -> f64 {
-    1.0
-}
-
-/// Unit of an angular velocity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-pub enum RateUnit {
-    /// rad/s.
-    #[default]
-    #[serde(rename = "rad/s")]
-    Radians,
-    /// deg/s.
-    #[serde(rename = "deg/s")]
-    Degrees,
-}
-
-impl RateUnit {
-    /// One unit in rad/s.
-    pub fn radians(self) -> f64 {
-        match self {
-            Self::Radians => 1.0,
-            Self::Degrees => 1.0_f64.to_radians(),
-        }
-    }
-}
-
-/// Unit of a specific force.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-pub enum ForceUnit {
-    /// m/s2.
-    #[default]
-    #[serde(rename = "m/s2")]
-    Si,
-    /// Multiples of standard gravity.
-    #[serde(rename = "g")]
-    Gravity,
-}
-
-impl ForceUnit {
-    /// One unit in m/s2.
-    pub const fn metres(self) -> f64 {
-        match self {
-            Self::Si => 1.0,
-            Self::Gravity => STANDARD_GRAVITY,
-        }
-    }
 }
 
 /// Windows of the calibration, by the sensors' clock (s); omitted ones are found.
@@ -163,62 +90,11 @@ pub struct SensorRow {
     /// How late its clock is (s): taken from its times.
     #[serde(default)]
     pub late_s: f64,
-}
-
-/// The format of recordings of MVN, which have no columns.
-const MVNX: &str = "mvnx";
-
-/// Columns and units of programs that export raw data, or that of the sensors' fusion.
-pub const FORMATS: [&str; 5] = ["mt-manager", "dot", "mt-manager-fused", "dot-fused", MVNX];
-
-/// The columns of such a program.
-fn columns_of(format: &str) -> Option<Columns> {
-    // SampleTimeFine counts 100 us in MT Manager, 1 us in Xsens DOT.
-    let (program, is_fused) = match format.strip_suffix("-fused") {
-        Some(program) => (program, true),
-        None => (format, false),
-    };
-    let (tick, unit, parts) = match program {
-        "mt-manager" => (1e-4, RateUnit::Radians, ["q0", "q1", "q2", "q3"]),
-        "dot" => (1e-6, RateUnit::Degrees, ["W", "X", "Y", "Z"]),
-        _ => return None,
-    };
-    let three = |name: &str| ["X", "Y", "Z"].map(|axis| format!("{name}_{axis}"));
-    Some(Columns {
-        time: Some("SampleTimeFine".to_owned()),
-        counter: Some("PacketCounter".to_owned()),
-        time_unit_s: tick,
-        angular_velocity: (!is_fused).then(|| three("Gyr")),
-        orientation: is_fused.then(|| parts.map(|part| format!("Quat_{part}"))),
-        angular_velocity_unit: unit,
-        // MT Manager writes the accelerometer beside the orientation, DOT does not.
-        specific_force: (!is_fused || program == "mt-manager").then(|| three("Acc")),
-        free_acceleration: (is_fused && program == "dot").then(|| three("FreeAcc")),
-        specific_force_unit: ForceUnit::Si,
-    })
-}
-
-impl Columns {
-    fn check(&self) -> Result<()> {
-        let problem = |what: &str| Err(Problem::bad_input(what.to_owned()).at("table columns"));
-        if self.angular_velocity.is_some() == self.orientation.is_some() {
-            return problem("expected either angular_velocity or orientation");
-        }
-        if self.specific_force.is_some() == self.free_acceleration.is_some() {
-            return problem("expected either specific_force or free_acceleration");
-        }
-        if self.free_acceleration.is_some() && self.orientation.is_none() {
-            return problem("free_acceleration is in the axes of an orientation, which is missing");
-        }
-        Ok(())
-    }
-
-    /// Name of a column that every file has.
-    pub(super) fn first(&self) -> &str {
-        let rates = self.angular_velocity.as_ref().map(|[x, ..]| x);
-        let turns = self.orientation.as_ref().map(|[w, ..]| w);
-        rates.or(turns).map_or("", String::as_str)
-    }
+    /// By how much the axes of its acceleration are turned about its Z against those of its orientation (degrees).
+    #[serde(default)]
+    pub acceleration_turn_deg: f64,
+    /// What makes orientations of its readings; sensors of different fusions are doubted.
+    pub fusion: Option<String>,
 }
 
 impl ImuMapping {
@@ -366,6 +242,14 @@ impl ImuMapping {
                 let message = format!("expected within {LATEST} s, found {}", row.late_s);
                 return Err(Problem::bad_input(message)
                     .at(format!("field sensors.{}.late_s", segment.name())));
+            }
+            if !(row.acceleration_turn_deg.abs() <= 360.0) {
+                let found = row.acceleration_turn_deg;
+                let message = format!("expected within 360 degrees, found {found}");
+                return Err(Problem::bad_input(message).at(format!(
+                    "field sensors.{}.acceleration_turn_deg",
+                    segment.name()
+                )));
             }
             if let Some(range) = row.range_dps {
                 positive(&format!("sensors.{}.range_dps", segment.name()), range, 1e5)?;

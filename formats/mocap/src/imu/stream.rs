@@ -6,12 +6,12 @@ use bodyflight_core::suit::strapdown::Reading;
 use bodyflight_io::diagnostic::{Problem, Result};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use super::fused::{Turning, with_gravity};
-use super::mapping::Columns;
+use super::fused::{Turning, pulled, with_gravity};
+use super::mapping::{Columns, SensorRow};
 use crate::table::Table;
 
 /// Intervals between samples, as multiples of the usual one, up to which readings are interpolated.
-const BRIDGED: f64 = 3.5;
+pub(super) const BRIDGED: f64 = 3.5;
 /// Most lines of description above the names.
 const HEAD_LINES: usize = 40;
 /// Fewest samples of a sensor.
@@ -41,22 +41,42 @@ pub struct Stream {
     pub lost: f64,
 }
 
+/// What a column of forces holds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Force {
+    /// Specific force in the sensor's axes.
+    Specific,
+    /// Acceleration without gravity in level axes.
+    Free,
+    /// Acceleration without gravity in the sensor's axes.
+    Linear,
+}
+
 /// Where the numbers of a table are.
-struct Places {
-    time: Option<usize>,
+pub(super) struct Places {
+    pub(super) time: Option<usize>,
     rate: Option<[usize; 3]>,
     turn: Option<[usize; 4]>,
     force: [usize; 3],
-    /// Whether the force is without gravity and in level axes.
-    is_free: bool,
+    kind: Force,
+    /// Packets that were lost before the row.
+    pub(super) lost: Option<usize>,
+    /// By how much an acceleration is turned about the sensor's Z (rad).
+    force_turn: f64,
     /// Length of one unit of the time, or of one row (s).
-    unit_s: f64,
+    pub(super) unit_s: f64,
     /// Units of rate (rad/s) and force (m/s2).
     units: [f64; 2],
 }
 
 impl Places {
-    fn of(table: &Table, columns: &Columns, prefix: &str, rate_hz: Option<f64>) -> Result<Self> {
+    pub(super) fn of(
+        table: &Table,
+        columns: &Columns,
+        sensor: &SensorRow,
+        rate_hz: Option<f64>,
+    ) -> Result<Self> {
+        let prefix = &sensor.prefix;
         let named = |name: &String| table.column(&format!("{prefix}{name}"));
         let three = |names: &[String; 3]| -> Result<[usize; 3]> {
             let [x, y, z] = names;
@@ -66,9 +86,15 @@ impl Places {
             Some([w, x, y, z]) => Some([named(w)?, named(x)?, named(y)?, named(z)?]),
             None => None,
         };
-        let forces = columns.specific_force.as_ref();
-        let forces = forces.or(columns.free_acceleration.as_ref());
-        let forces = forces.ok_or_else(|| Problem::bad_input("expected specific_force"))?;
+        let kinds = [
+            (&columns.specific_force, Force::Specific),
+            (&columns.free_acceleration, Force::Free),
+            (&columns.linear_acceleration, Force::Linear),
+        ];
+        let given = kinds
+            .into_iter()
+            .find_map(|(names, kind)| Some((names.as_ref()?, kind)));
+        let (forces, kind) = given.ok_or_else(|| Problem::bad_input("expected specific_force"))?;
         let either = |name: &String| named(name).or_else(|_| table.column(name));
         let filled =
             |column: &usize| (0..table.rows()).any(|row| table.value(row, *column).is_finite());
@@ -95,7 +121,9 @@ impl Places {
             rate: columns.angular_velocity.as_ref().map(three).transpose()?,
             turn,
             force: three(forces)?,
-            is_free: columns.specific_force.is_none(),
+            kind,
+            lost: columns.lost.as_ref().map(named).transpose()?,
+            force_turn: sensor.acceleration_turn_deg.to_radians(),
             units: [
                 columns.angular_velocity_unit.radians(),
                 columns.specific_force_unit.metres(),
@@ -103,14 +131,35 @@ impl Places {
         })
     }
 
+    /// A row's orientation (level axes from sensor), if there is one; not finite if a number is missing.
+    pub(super) fn turn(&self, table: &Table, row: usize) -> Option<UnitQuaternion<f64>> {
+        let [w, x, y, z] = self.turn?.map(|column| table.value(row, column));
+        Some(UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)))
+    }
+
+    /// A row's specific force (m/s2, sensor axes); not finite if a number is missing.
+    pub(super) fn force(
+        &self,
+        table: &Table,
+        row: usize,
+        turn: Option<UnitQuaternion<f64>>,
+    ) -> Vector3<f64> {
+        let read = self.force.map(|column| table.value(row, column));
+        let [_, unit] = self.units;
+        let back = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -self.force_turn);
+        let force = back * (Vector3::from(read) * unit);
+        match (turn, self.kind) {
+            (Some(turn), Force::Free) => with_gravity(&turn, &force),
+            (Some(turn), Force::Linear) => pulled(&turn, &force),
+            (_, Force::Specific) | (None, _) => force,
+        }
+    }
+
     /// A row's reading at a time (s); its numbers are not finite if one is missing.
     fn reading(&self, table: &Table, row: usize, time: f64, turning: &mut Turning) -> Reading<f64> {
         let vector = |at: [usize; 3]| Vector3::from(at.map(|column| table.value(row, column)));
-        let turn = self.turn.map(|turn| {
-            let [w, x, y, z] = turn.map(|column| table.value(row, column));
-            UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
-        });
-        let [of_rate, of_force] = self.units;
+        let turn = self.turn(table, row);
+        let [of_rate, _] = self.units;
         let unknown = || Vector3::repeat(f64::NAN);
         let rate = match (self.rate, turn) {
             (Some(rate), _) => vector(rate) * of_rate,
@@ -118,13 +167,9 @@ impl Places {
             (None, Some(turn)) => turning.rate(time, &turn).unwrap_or_else(unknown),
             (None, None) => unknown(),
         };
-        let force = vector(self.force) * of_force;
         Reading {
             angular_velocity: rate,
-            specific_force: match turn.filter(|_| self.is_free) {
-                Some(turn) => with_gravity(&turn, &force),
-                None => force,
-            },
+            specific_force: self.force(table, row, turn),
         }
     }
 }
@@ -157,10 +202,10 @@ impl Stream {
     pub(super) fn of(
         table: &Table,
         columns: &Columns,
-        prefix: &str,
+        sensor: &SensorRow,
         rate_hz: Option<f64>,
     ) -> Result<Self> {
-        let places = Places::of(table, columns, prefix, rate_hz)?;
+        let places = Places::of(table, columns, sensor, rate_hz)?;
         let (mut times, mut readings) = (Vec::new(), Vec::new());
         let mut clock = Clock::default();
         let mut turning = Turning::default();
@@ -313,15 +358,15 @@ impl Stream {
 pub(super) fn read(
     path: &Path,
     columns: &Columns,
-    prefix: &str,
+    sensor: &SensorRow,
     rate_hz: Option<f64>,
 ) -> Result<Stream> {
     let text = bodyflight_io::input::utf_8(bodyflight_io::input::movement(path)?, path)?;
-    let table = table(&text, columns, prefix).map_err(|problem| problem.in_file(path))?;
+    let table = table(&text, columns, &sensor.prefix).map_err(|problem| problem.in_file(path))?;
     Stream::of(
         &table,
         columns,
-        prefix,
+        sensor,
         rate_hz.or_else(|| stated_rate(&text)),
     )
     .map_err(|problem| problem.in_file(path))
@@ -391,7 +436,7 @@ mod tests {
         let columns = columns("dot");
         let text = export(100..120);
         let table = table(&text, &columns, "").unwrap();
-        let stream = Stream::of(&table, &columns, "", None).unwrap();
+        let stream = Stream::of(&table, &columns, &SensorRow::default(), None).unwrap();
         assert!((stream.rate_hz - 60.0).abs() < 0.01, "{}", stream.rate_hz);
         assert_eq!(stream.gaps.len(), 1, "{:?}", stream.gaps);
         assert!((stream.gaps[0][1] - 21.0 / 60.0).abs() < 1e-3);
@@ -418,11 +463,12 @@ mod tests {
         }
         let columns = columns("mt-manager");
         let table = table(&text, &columns, "").unwrap();
-        let stream = Stream::of(&table, &columns, "", stated_rate(&text)).unwrap();
+        let stream =
+            Stream::of(&table, &columns, &SensorRow::default(), stated_rate(&text)).unwrap();
         let [begin, end] = stream.span();
         assert!((end - begin - 2.99).abs() < 1e-6, "{begin} {end}");
         assert!((stream.lost - 1.0 / 299.0).abs() < 1e-4, "{}", stream.lost);
-        let said = Stream::of(&table, &columns, "", None).unwrap_err();
+        let said = Stream::of(&table, &columns, &SensorRow::default(), None).unwrap_err();
         assert!(said.to_string().contains("no rate"), "{said}");
     }
 
@@ -440,7 +486,7 @@ mod tests {
         }
         let columns = columns("dot-fused");
         let table = table(&text, &columns, "").unwrap();
-        let stream = Stream::of(&table, &columns, "", None).unwrap();
+        let stream = Stream::of(&table, &columns, &SensorRow::default(), None).unwrap();
         assert!((stream.rate_hz - 100.0).abs() < 1e-6);
         let reading = stream.at(1.0 + 1e-9).unwrap();
         assert!((reading.angular_velocity - Vector3::x()).norm() < 1e-6);
@@ -457,7 +503,7 @@ mod tests {
         let columns = columns("dot");
         let parsed = |text: &str| {
             let table = table(text, &columns, "")?;
-            Stream::of(&table, &columns, "", None)
+            Stream::of(&table, &columns, &SensorRow::default(), None)
         };
         let text = export(0..0);
         for (text, part) in [

@@ -8,6 +8,7 @@ use bodyflight_core::{Body, Posture, Segment, SegmentArray};
 use bodyflight_io::diagnostic::{Problem, Result};
 use nalgebra::Vector3;
 
+use super::arrival;
 use super::calibration::{Calibrated, calibrated};
 use super::checks::{FirstPose, Joints};
 use super::clocks::{self, Late};
@@ -73,8 +74,11 @@ pub fn sensors(mapping: &ImuMapping, path: &Path) -> Result<Vec<(Segment, Stream
             }
             None => path.to_owned(),
         };
-        let stream = stream::read(&file, &columns, &row.prefix, mapping.rate_hz)
-            .map_err(|problem| problem.at(format!("sensor {}", segment.name())))?;
+        let read = match columns.arrived {
+            true => arrival::read(&file, &columns, row),
+            false => stream::read(&file, &columns, row, mapping.rate_hz),
+        };
+        let stream = read.map_err(|problem| problem.at(format!("sensor {}", segment.name())))?;
         found.push((segment, stream.earlier(row.late_s)));
     }
     Ok(found)
@@ -103,6 +107,7 @@ pub fn worn(
     let mut notes = calibrated.notes.clone();
     notes.extend(remarks(sensors));
     let mut doubts = Doubts::default();
+    doubts.fused(&mapping.rows()?);
     doubts.exchanged(ground.exchange(sensors, &calibrated.fitted));
     let in_tray = clocks::in_tray(&mapping.calibration.turns_s, sensors, &calibrated.fitted);
     let window = flight(mapping, sensors, &calibrated)?;

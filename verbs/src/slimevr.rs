@@ -1,0 +1,388 @@
+//! `bodyflight slimevr`: what SlimeVR's trackers sent, as a folder that `import` reads.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use bodyflight_core::Segment;
+use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::interrupt;
+use bodyflight_mocap::slimevr::capture::Capture;
+use bodyflight_mocap::slimevr::record::{
+    Assignment, Record, acceleration_turn_deg, fusion, sensor_name,
+};
+use bodyflight_mocap::slimevr::server::Server;
+use bodyflight_mocap::slimevr::{SensorState, Tracker, sensor_type};
+use serde::Serialize;
+
+/// Silence that is said (s).
+const SILENCE: f64 = 1.0;
+/// Share of lost packets, and of orientations without an acceleration, from which it is said.
+const MUCH: f64 = 0.05;
+/// Version of the protocol from which accelerations are turned on the tracker.
+const TURNED_SINCE: u32 = 22;
+
+/// What was received.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Report {
+    /// The folder with a table for each sensor and the mapping; null if nothing was written.
+    pub folder: Option<PathBuf>,
+    /// From the begin to the end (s).
+    pub duration_s: f64,
+    /// The sensors of all trackers.
+    pub sensors: Vec<Sensor>,
+    /// What arrived apart from them.
+    pub datagrams: Datagrams,
+    /// Remarks.
+    pub warnings: Vec<String>,
+    /// Why the recording should not be trusted.
+    pub doubts: Vec<String>,
+}
+
+/// A sensor of a tracker.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Sensor {
+    /// The tracker's network address, by which it is told apart, and the number of the sensor if it is not the first.
+    pub tracker: String,
+    /// The segment on which it is worn, if that was given.
+    pub segment: Option<&'static str>,
+    /// Its type, "unknown" if the tracker does not say.
+    pub sensor_type: &'static str,
+    /// What makes orientations of its readings; null if that is not known.
+    pub fusion: Option<String>,
+    /// The tracker's firmware; empty if it does not say.
+    pub firmware: String,
+    /// Version of its protocol, 0 if it does not say.
+    pub protocol: u32,
+    /// Orientations received.
+    pub samples: u64,
+    /// Of those, without an acceleration.
+    pub without_acceleration: u64,
+    /// Orientations a second (Hz); a tracker at rest sends fewer.
+    pub rate_hz: Option<f64>,
+    /// Packets of the tracker that arrived.
+    pub packets: u64,
+    /// Packets of the tracker that never arrived.
+    pub lost_packets: u64,
+    /// Packets that others overtook; their content is not used.
+    pub late_packets: u64,
+    /// Packets that came again.
+    pub repeated_packets: u64,
+    /// Times the tracker's numbers began again.
+    pub restarts: u64,
+    /// Longest time in which nothing came from the tracker (s).
+    pub longest_silence_s: f64,
+    /// Time since the last packet of the tracker (s).
+    pub silent_s: f64,
+    /// Lowest time to the tracker and back (s); null if no question came back.
+    pub round_trip_s: Option<f64>,
+    /// Voltage of the tracker's battery (V).
+    pub battery_v: Option<f64>,
+}
+
+/// Datagrams that arrived apart from samples.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Datagrams {
+    /// All of them.
+    pub all: u64,
+    /// Those that are none of a tracker.
+    pub foreign: u64,
+    /// Those of senders that had not introduced themselves.
+    pub from_strangers: u64,
+    /// Trackers, sensors and samples for which there was no place.
+    pub refused: u64,
+    /// Packets that end too early.
+    pub damaged: u64,
+    /// Orientations and accelerations that are none.
+    pub impossible: u64,
+    /// Packets of types that are not known, by type.
+    pub unknown_types: BTreeMap<u32, u64>,
+}
+
+impl Report {
+    /// The state of a server at a time (s).
+    pub fn of(server: &Server, time: f64, worn: &[Assignment]) -> Self {
+        let mut sensors = Vec::new();
+        let (mut warnings, mut doubts) = (Vec::new(), Vec::new());
+        for tracker in server.trackers() {
+            for (number, state) in &tracker.sensors {
+                sensors.push(Sensor::of(tracker, *number, state, time, worn));
+            }
+            about(tracker, time, &mut warnings);
+        }
+        fusions(server, &mut doubts);
+        missing(server, worn, &mut warnings);
+        let counters = server.counters();
+        if !counters.unknown_types.is_empty() {
+            let each = counters.unknown_types.iter();
+            let each: Vec<String> = each
+                .map(|(kind, count)| format!("{kind} ({count})"))
+                .collect();
+            warnings.push(format!(
+                "packets of types that are not known were left out: {}",
+                each.join(", ")
+            ));
+        }
+        Self {
+            folder: None,
+            duration_s: time,
+            sensors,
+            datagrams: Datagrams {
+                all: counters.datagrams,
+                foreign: counters.foreign,
+                from_strangers: counters.from_strangers,
+                refused: counters.refused,
+                damaged: counters.damaged,
+                impossible: counters.impossible,
+                unknown_types: counters.unknown_types.clone(),
+            },
+            warnings,
+            doubts,
+        }
+    }
+
+    /// The same with the folder that was written, and the samples for which there was no place in it.
+    #[must_use]
+    pub fn written(mut self, folder: Option<PathBuf>, refused: u64) -> Self {
+        self.folder = folder;
+        self.datagrams.refused += refused;
+        self
+    }
+
+    /// Why the recording should not be trusted, `None` if nothing speaks against it.
+    pub fn doubt(&self) -> Option<String> {
+        (!self.doubts.is_empty()).then(|| self.doubts.join("; "))
+    }
+}
+
+impl Sensor {
+    fn of(
+        tracker: &Tracker,
+        number: u8,
+        state: &SensorState,
+        time: f64,
+        worn: &[Assignment],
+    ) -> Self {
+        let own = |worn: &&Assignment| worn.tracker == tracker.name && worn.sensor == number;
+        let [late_packets, repeated_packets] = tracker.disordered();
+        Self {
+            tracker: sensor_name(tracker, number),
+            segment: worn.iter().find(own).map(|worn| worn.segment.name()),
+            sensor_type: sensor_type::name(state.sensor_type),
+            fusion: fusion(state),
+            firmware: tracker.handshake.firmware.clone(),
+            protocol: tracker.handshake.protocol,
+            samples: state.samples,
+            without_acceleration: state.without_acceleration,
+            rate_hz: state.rate_hz(),
+            packets: tracker.received(),
+            lost_packets: tracker.lost(),
+            late_packets,
+            repeated_packets,
+            restarts: tracker.restarts(),
+            longest_silence_s: tracker.longest_silence_s,
+            silent_s: tracker.silent_s(time),
+            round_trip_s: tracker.round_trip_s,
+            battery_v: tracker.battery_v,
+        }
+    }
+}
+
+/// What is to be said of a tracker.
+fn about(tracker: &Tracker, time: f64, warnings: &mut Vec<String>) {
+    let name = &tracker.name;
+    let mut say = |text: String| warnings.push(format!("{name}: {text}"));
+    let (failures, code) = tracker.errors;
+    if failures > 0 {
+        say(format!(
+            "it reported {failures} failures of a sensor, the last with code {code}"
+        ));
+    }
+    if tracker.samples() == 0 {
+        say("it introduced itself, but sent no orientation: does its sensor work?".to_owned());
+        return;
+    }
+    let silent = tracker.silent_s(time);
+    if silent > SILENCE {
+        say(format!(
+            "nothing has come from it for {silent:.1} s: its battery may be empty"
+        ));
+    }
+    if tracker.longest_silence_s > SILENCE {
+        say(format!(
+            "it was silent for up to {:.1} s",
+            tracker.longest_silence_s
+        ));
+    }
+    let packets = (tracker.received() + tracker.lost()).max(1) as f64;
+    let lost = tracker.lost() as f64 / packets;
+    if lost > MUCH {
+        say(format!(
+            "{:.1} % of its packets were lost: place the access point nearer, or use another channel",
+            100.0 * lost
+        ));
+    }
+    let bare: u64 = tracker
+        .sensors
+        .values()
+        .map(|own| own.without_acceleration)
+        .sum();
+    if bare as f64 > MUCH * tracker.samples() as f64 {
+        say(format!(
+            "{bare} of {} orientations came without an acceleration, and import leaves them out",
+            tracker.samples()
+        ));
+    }
+    let protocol = tracker.handshake.protocol;
+    if protocol < TURNED_SINCE {
+        say(format!(
+            "its firmware speaks version {protocol} of the protocol, whose accelerations follow the chip and not the tracker: the mapping has acceleration_turn_deg = {}, which is right for chips that are mounted as in SlimeVR's own trackers",
+            acceleration_turn_deg(protocol)
+        ));
+    }
+}
+
+/// Sensors whose orientations are not made in the same way.
+fn fusions(server: &Server, doubts: &mut Vec<String>) {
+    let mut by_fusion: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for tracker in server.trackers() {
+        for (number, state) in &tracker.sensors {
+            if let Some(fusion) = fusion(state).filter(|_| state.samples > 0) {
+                let name = sensor_name(tracker, *number);
+                by_fusion.entry(fusion).or_default().push(name);
+            }
+        }
+    }
+    if by_fusion.len() > 1 {
+        let each = by_fusion.iter();
+        let each: Vec<String> = each
+            .map(|(fusion, names)| format!("{fusion} ({})", names.join(", ")))
+            .collect();
+        doubts.push(format!(
+            "the trackers make orientations in different ways, {}: what differs becomes posture; wear trackers of one kind",
+            each.join(" and ")
+        ));
+    }
+    for (fusion, names) in &by_fusion {
+        if fusion.contains("magnetometer") {
+            doubts.push(format!(
+                "the magnetometer is used in {}: it is off by tens of degrees indoors and near metal; switch it off",
+                names.join(", ")
+            ));
+        }
+    }
+}
+
+/// Trackers that should be worn and are not there, or sent nothing.
+fn missing(server: &Server, worn: &[Assignment], warnings: &mut Vec<String>) {
+    for one in worn {
+        let is_there = server.trackers().iter().any(|tracker| {
+            let sensor = tracker.sensors.get(&one.sensor);
+            tracker.name == one.tracker && sensor.is_some_and(|sensor| sensor.samples > 0)
+        });
+        if !is_there {
+            warnings.push(format!(
+                "nothing came from the tracker {} for {}",
+                one.tracker,
+                Segment::name(one.segment)
+            ));
+        }
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for sensor in &self.sensors {
+            let place = sensor.segment.unwrap_or("no segment");
+            let rate = sensor.rate_hz.unwrap_or(0.0);
+            let packets = (sensor.packets + sensor.lost_packets).max(1) as f64;
+            writeln!(
+                f,
+                "{} ({place}): {}, {} samples, {rate:.1} Hz, {:.2} % of the packets lost, {} late, {} repeated",
+                sensor.tracker,
+                sensor.sensor_type,
+                sensor.samples,
+                100.0 * sensor.lost_packets as f64 / packets,
+                sensor.late_packets,
+                sensor.repeated_packets,
+            )?;
+        }
+        let others = &self.datagrams;
+        write!(
+            f,
+            "{:.1} s, {} datagrams; {} of other programs, {} before an introduction, {} damaged, {} impossible, {} refused",
+            self.duration_s,
+            others.all,
+            others.foreign,
+            others.from_strangers,
+            others.damaged,
+            others.impossible,
+            others.refused
+        )?;
+        match &self.folder {
+            Some(folder) => write!(f, "\nwritten: {}", folder.display()),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What to read.
+#[derive(Debug, Clone)]
+pub struct Request<'a> {
+    /// Recorded traffic.
+    pub capture: &'a Path,
+    /// The port at which the server listened.
+    pub port: u16,
+    /// The folder to write.
+    pub folder: &'a Path,
+    /// Segments of trackers.
+    pub worn: &'a [Assignment],
+}
+
+/// Reads recorded traffic as if it arrived.
+///
+/// # Errors
+/// Returns an error if the file cannot be used, has nothing of a tracker, or the folder cannot be written.
+pub fn read(request: &Request<'_>) -> Result<Report> {
+    let mut capture = Capture::open(request.capture)?;
+    let mut record = Record::create(request.folder)?;
+    let mut server = Server::of_recorded();
+    let (mut samples, mut replies) = (Vec::new(), Vec::new());
+    let (mut begin, mut time) = (None, 0.0);
+    while let Some(datagram) = capture.next()? {
+        interrupt::check()?;
+        if datagram.to_port != request.port {
+            continue;
+        }
+        time = (datagram.time_s - *begin.get_or_insert(datagram.time_s)).max(time);
+        server.take(
+            time,
+            datagram.from,
+            &datagram.bytes,
+            &mut samples,
+            &mut replies,
+        );
+        // They were answered by who was there.
+        replies.clear();
+        for received in samples.drain(..) {
+            record.push(&received, &server)?;
+        }
+    }
+    for received in server.ended() {
+        record.push(&received, &server)?;
+    }
+    let refused = record.refused();
+    let Some(folder) = record.finish(&server, request.worn)? else {
+        return Err(Problem::bad_input(format!(
+            "expected packets of SlimeVR's trackers to port {}, found none",
+            request.port
+        ))
+        .in_file(request.capture)
+        .help("record the traffic to the server, or give the server's port with --port"));
+    };
+    let report = Report::of(&server, time, request.worn);
+    Ok(report.written(Some(folder), refused))
+}
