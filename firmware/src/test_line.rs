@@ -3,7 +3,9 @@
 use std::vec::Vec;
 
 use bodyflight_core::ubx::NavPvt;
-use bodyflight_core::xbus::{CoordinateSystem, DataId, MessageId, NumberFormat, PacketWriter};
+use bodyflight_core::xbus::{
+    CoordinateSystem, DataId, GnssPvt, MessageId, NumberFormat, PacketWriter,
+};
 
 /// An attitude in the model's inertial axes.
 pub(crate) const ATTITUDE: DataId =
@@ -22,6 +24,26 @@ pub(crate) fn counted_packet(counter: u16, ticks: u32, items: &[(DataId, &[f32])
         (DataId::SAMPLE_TIME_FINE, &ticks),
     ];
     packet_of(&head, items)
+}
+
+/// A packet in which an MTi forwards its receiver's solution of the time `ticks`: velocity north, east and down, and its
+/// accuracy (mm/s).
+pub(crate) fn forwarded_solution(ticks: u32, velocity: [i32; 3], accuracy: u32) -> Vec<u8> {
+    let mut solution = [0; GnssPvt::SIZE];
+    // Kind of fix, flags, velocity, accuracy of the speed.
+    solution[20..22].copy_from_slice(&[3, 1]);
+    for (place, value) in velocity.into_iter().enumerate() {
+        solution[48 + 4 * place..][..4].copy_from_slice(&value.to_be_bytes());
+    }
+    solution[68..72].copy_from_slice(&accuracy.to_be_bytes());
+    let ticks = ticks.to_be_bytes();
+    packet_of(
+        &[
+            (DataId::SAMPLE_TIME_FINE, &ticks),
+            (DataId::GNSS_PVT, &solution),
+        ],
+        &[],
+    )
 }
 
 fn packet_of(head: &[(DataId, &[u8])], items: &[(DataId, &[f32])]) -> Vec<u8> {

@@ -5,7 +5,7 @@ use bodyflight_core::xbus::{CoordinateSystem, DataId, NumberFormat};
 use std::vec::Vec;
 
 use super::*;
-use crate::test_line::{ATTITUDE, counted_packet, packet, solution};
+use crate::test_line::{ATTITUDE, counted_packet, forwarded_solution, packet, solution};
 
 fn moving_packet(
     system: CoordinateSystem,
@@ -116,6 +116,36 @@ fn a_receivers_solution_is_attached_to_the_next_sample() {
         .collect();
     assert_eq!(velocities, [None, Some([30.0, 1.0, -50.0]), None]);
     assert!((found[1].0.horizontal_speed.unwrap() - 30.017).abs() < 0.01);
+}
+
+/// An MTi sends its receiver's solution in a packet of its own, which has the time of the solution.
+#[test]
+fn a_solution_that_the_sensor_forwards_is_a_velocity_of_its_own_time() {
+    let mut sensor = Sensor::new();
+    let sample =
+        |counter, ticks| counted_packet(counter, ticks, &[(ATTITUDE, &[1.0, 0.0, 0.0, 0.0])]);
+    let line = [
+        sample(0, 10_000),
+        // 0.12 s before the sample.
+        forwarded_solution(8_800, [30_000, -8_000, 50_000], 240),
+        sample(1, 10_042),
+    ]
+    .concat();
+    let mut input = line.as_slice();
+    let mut found = Vec::new();
+    while let Some(sensed) = sensor.next(&mut input, 0, None) {
+        found.push(sensed.sensors.receiver());
+    }
+    let [None, Some(receiver)] = found[..] else {
+        panic!("{found:?}");
+    };
+    // North, west and up.
+    assert_eq!(receiver.velocity.to_array(), [30.0, 8.0, -50.0]);
+    assert!(
+        (receiver.horizontal_deviation - 0.24).abs() < 0.01,
+        "{receiver:?}"
+    );
+    assert!((receiver.age - 0.12).abs() < 0.006, "{receiver:?}");
 }
 
 #[test]
