@@ -42,7 +42,7 @@ fn begun(place: &Path, words: &[&str]) -> Child {
 }
 
 /// Calls that take longer than a second or never end on their own; `@` is replaced by a long flight.
-const LONG: [&str; 14] = [
+const LONG: [&str; 15] = [
     "estimate @",
     "estimate @ --method smooth",
     "tune @ --draws 100000 --out best.toml",
@@ -72,7 +72,7 @@ fn ctrl_c_ends_every_verb_within_a_second() {
         let mut child = begun(place.path(), &words);
         // A search has a best result to save only after its first draws.
         let is_search = call.starts_with("tune");
-        std::thread::sleep(Duration::from_millis(if is_search { 3000 } else { 600 }));
+        std::thread::sleep(Duration::from_millis(if is_search { 8000 } else { 600 }));
         if let Some(status) = child.try_wait().expect("a state") {
             wrong.push(format!("{call}: over before Ctrl-C, {status}"));
             continue;

@@ -43,7 +43,7 @@ pub(super) fn slimevr(input: &[u8]) {
             return;
         };
         let mut server = Server::of_recorded();
-        while let Ok(Some(captured)) = capture.next() {
+        while let Ok(Some(captured)) = capture.next_datagram() {
             heard(&mut server, captured.time_s, captured.from, &captured.bytes);
         }
         return;

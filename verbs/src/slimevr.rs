@@ -352,7 +352,7 @@ pub fn read(request: &Request<'_>) -> Result<Report> {
     let mut server = Server::of_recorded();
     let (mut samples, mut replies) = (Vec::new(), Vec::new());
     let (mut begin, mut time) = (None, 0.0);
-    while let Some(datagram) = capture.next()? {
+    while let Some(datagram) = capture.next_datagram()? {
         interrupt::check()?;
         if datagram.to_port != request.port {
             continue;

@@ -243,7 +243,7 @@ impl ImuMapping {
                 return Err(Problem::bad_input(message)
                     .at(format!("field sensors.{}.late_s", segment.name())));
             }
-            if !(row.acceleration_turn_deg.abs() <= 360.0) {
+            if !row.acceleration_turn_deg.is_finite() || row.acceleration_turn_deg.abs() > 360.0 {
                 let found = row.acceleration_turn_deg;
                 let message = format!("expected within 360 degrees, found {found}");
                 return Err(Problem::bad_input(message).at(format!(

@@ -124,8 +124,7 @@ pub fn worn(
     let mut frames = Vec::new();
     let mut squares = SegmentArray::from_fn(|_| 0.0);
     // Before the flight, frames count backwards from its begin, so that one falls on it.
-    let lead = ((window[0] - calibrated.begin_s) * rate_hz).floor();
-    let mut frame = -lead;
+    let mut frame = -((window[0] - calibrated.begin_s) * rate_hz).floor();
     while frame <= count {
         let time = window[0] + frame / rate_hz;
         for ((_, stream), reading) in sensors.iter().zip(&mut readings) {

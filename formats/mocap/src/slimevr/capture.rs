@@ -106,7 +106,7 @@ impl Capture {
     ///
     /// # Errors
     /// Returns an error if the file cannot be read, or is damaged.
-    pub fn next(&mut self) -> Result<Option<Captured>> {
+    pub fn next_datagram(&mut self) -> Result<Option<Captured>> {
         loop {
             let mut head = [0; 16];
             if !self.filled(&mut head)? {
@@ -256,7 +256,7 @@ mod tests {
     fn read(bytes: Vec<u8>) -> Result<Vec<Captured>> {
         let mut capture = Capture::of(Box::new(std::io::Cursor::new(bytes)), Path::new("a.pcap"))?;
         let mut found = Vec::new();
-        while let Some(captured) = capture.next()? {
+        while let Some(captured) = capture.next_datagram()? {
             found.push(captured);
         }
         Ok(found)
