@@ -4,6 +4,7 @@ use crate::named_effect::EffectSet;
 use bodyflight_core::tolerances::Tolerances;
 
 use crate::error::Result;
+use crate::hypotheses::decision::DECISION;
 use crate::hypotheses::hypothesis::Hypothesis;
 use crate::hypotheses::score_test::{JointFit, precision};
 use crate::jacobian::effect_parameters::{between, furthest, moved, parameters_of};
@@ -329,7 +330,8 @@ impl<'a> Refit<'a> {
     }
 
     /// Refits the flights `joint_fit` without an effect from the errors found with it, and then those with it, `next`, from
-    /// the errors found without it, and so on. Returns what the former gained, and the latter.
+    /// the errors found without it, and so on, while more is gained than what is allowed for. Returns what the former gained,
+    /// and the latter.
     ///
     /// Fits end in different minima, so each is given what the other found. What only one of them reached is not due to
     /// the effect: with joints that wander, a mass that was missing seemed to lose 72 because the flights without it alone
@@ -342,8 +344,9 @@ impl<'a> Refit<'a> {
         joint_fit: &mut JointFit<'a>,
         mut next: JointFit<'a>,
     ) -> Result<(f64, JointFit<'a>)> {
+        let least = DECISION.refit_allowance();
         let mut gained = self.refitted_from(joint_fit, &next)?;
-        if self.refitted_from(&mut next, joint_fit)? > 0.0 {
+        if gained > least && self.refitted_from(&mut next, joint_fit)? > least {
             gained += self.refitted_from(joint_fit, &next)?;
         }
         Ok((gained, next))

@@ -39,7 +39,7 @@ enum Verb {
                   The folder has a table for each tracker and mapping.toml; Ctrl-C completes it.\n\
                   Exit code 5: the trackers make orientations in different ways.\n\
                   Examples:\n  bodyflight slimevr listen\n  \
-                  bodyflight slimevr listen --out jump --tracker A1:B2:C3:D4:E5:F6=pelvis --tracker A1:B2:C3:D4:E5:F7=l_thigh"
+                  bodyflight slimevr listen --out jump --tracker A1:B2:C3:D4:E5:F6=pelvis"
 )]
 struct Listen {
     /// Address to listen at: HOST:PORT, or :PORT for all networks, as trackers need it.
