@@ -20,3 +20,4 @@ pub mod interrupt;
 pub mod progress;
 mod scratch;
 pub mod text;
+pub mod udp;

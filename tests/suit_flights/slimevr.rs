@@ -40,6 +40,14 @@ struct Network {
     disordered: f64,
 }
 
+/// A network at home.
+const USUAL: Network = Network {
+    lost: 0.01,
+    jitter_s: 0.01,
+    stalled: 0.02,
+    disordered: 0.01,
+};
+
 /// Traffic of a sensor's readings: a tracker for each, with the acceleration turned as its firmware does.
 fn traffic(jump: &Path, network: Network, turn_deg: f64) -> Vec<(f64, SocketAddr, Vec<u8>)> {
     let mut all = Vec::new();
@@ -201,13 +209,7 @@ fn flown(folder: &Path, name: &str, seed: &str) {
 fn packets_of_ten_trackers_become_postures_and_estimates() {
     let folder = tempfile::tempdir().expect("a folder");
     flown(folder.path(), "transitions", "6100");
-    let network = Network {
-        lost: 0.01,
-        jitter_s: 0.01,
-        stalled: 0.02,
-        disordered: 0.01,
-    };
-    let traffic = traffic(&folder.path().join("jump"), network, 180.0);
+    let traffic = traffic(&folder.path().join("jump"), USUAL, 180.0);
     assert!(traffic.iter().all(|(time, ..)| *time >= 0.0));
     let (off, said, code) = imported(folder.path(), &traffic);
     assert_eq!(code, Some(0), "{said}");
@@ -247,18 +249,7 @@ fn the_table_of_networks() {
                 180.0,
             )),
         ),
-        (
-            "usual",
-            Some((
-                Network {
-                    lost: 0.01,
-                    jitter_s: 0.01,
-                    stalled: 0.02,
-                    disordered: 0.01,
-                },
-                180.0,
-            )),
-        ),
+        ("usual", Some((USUAL, 180.0))),
         (
             "bad",
             Some((
@@ -271,18 +262,7 @@ fn the_table_of_networks() {
                 180.0,
             )),
         ),
-        (
-            "usual, acceleration turned otherwise",
-            Some((
-                Network {
-                    lost: 0.01,
-                    jitter_s: 0.01,
-                    stalled: 0.02,
-                    disordered: 0.01,
-                },
-                0.0,
-            )),
-        ),
+        ("usual, acceleration turned otherwise", Some((USUAL, 0.0))),
     ];
     for name in ["transitions", "aggressive-turns", "exit-and-tracking"] {
         for (what, network) in networks {

@@ -43,19 +43,21 @@ impl Hypothesis {
     /// The same as the score given all flights, tempered. It decides whether the effect is named.
     ///
     /// A held-out flight adds its gain with parameters that were not fitted to it, which is its factor in the probability
-    /// of all flights. What the errors of refits give away is subtracted, or the gain without a refit is taken, if it is
-    /// less: it has no such errors.
+    /// of all flights. What the errors of refits give away is subtracted. If the gain without a refit is known, which has no
+    /// such errors, the lesser of both gains counts without this subtraction, if that is more.
     pub(crate) fn log_odds(&self) -> f64 {
-        let gain = self.gain_of_refits();
+        let gain = self.whole_gain();
         let sure = gain - self.tempering * DECISION.refit_allowance();
         let without_refit = self.gain_without_refit.map(|other| other.min(gain));
         self.odds_by(without_refit.map_or(sure, |other| other.max(sure)))
     }
 
-    pub(crate) fn gain_of_refits(&self) -> f64 {
+    /// Gain in all flights.
+    pub(crate) fn whole_gain(&self) -> f64 {
         self.gain + self.gains_held_out.iter().sum::<f64>()
     }
 
+    /// Log odds if the gain in all flights were this.
     fn odds_by(&self, gain: f64) -> f64 {
         gain / self.tempering + self.cost_of_ranges(self.tempering)
     }
@@ -63,7 +65,7 @@ impl Hypothesis {
     /// Whether it would be certain enough to be named if refits had no errors, but is not.
     pub(crate) fn hinges_on_refits(&self) -> bool {
         let certain = -(DECISION.false_discovery_rate / (1.0 - DECISION.false_discovery_rate)).ln();
-        self.log_odds() < certain && self.odds_by(self.gain_of_refits()) > certain
+        self.log_odds() < certain && self.odds_by(self.whole_gain()) > certain
     }
 
     /// Probability that the effect does not act: the local false discovery rate.

@@ -36,7 +36,8 @@ pub(crate) struct RandomEffect<'a> {
 }
 
 /// The effect that changes at random and gains most in flights that neither values nor a description explain, beside the
-/// effects that are named in them, if any is worth fitting. `description_gain` is the gain of the nearest description beyond its cost.
+/// effects that are named in them, if any is worth fitting. `description_gain` is the gain of the nearest description
+/// beyond its cost.
 ///
 /// # Errors
 /// Returns an error if the search was cancelled.

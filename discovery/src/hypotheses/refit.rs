@@ -334,7 +334,7 @@ impl<'a> Refit<'a> {
     /// and the latter.
     ///
     /// Fits end in different minima, so each is given what the other found. What only one of them reached is not due to
-    /// the effect: with joints that wander, a mass that was missing seemed to lose 72 because the flights without it alone
+    /// the effect: with joints that wander, a mass that was missing seemed to lose 65 because the flights without it alone
     /// were refitted.
     ///
     /// # Errors

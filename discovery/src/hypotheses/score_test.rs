@@ -75,7 +75,7 @@ impl<'a> JointFit<'a> {
         }
         let other = self.followed(&hypothesis.effects, hypothesis.effect, progress);
         Hypothesis {
-            gain_without_refit: other.map(|other| other.gain_of_refits()),
+            gain_without_refit: other.map(|other| other.whole_gain()),
             ..hypothesis
         }
     }

@@ -12,7 +12,7 @@ use super::datagram::{Datagram, Header, Kind};
 use super::message::{
     AngularKinematics, LinearKinematics, Message, Scale, ScalePoint, SegmentPose,
 };
-use super::source::network;
+use super::source::ADVICE;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
 use bodyflight_mvnx::recording::FlightFrame;
@@ -87,7 +87,7 @@ impl Sink {
     pub fn connect(address: &str, body: &Body<f64>, subject_label: &str) -> Result<Self> {
         let socket = UdpSocket::bind("0.0.0.0:0")
             .and_then(|socket| socket.connect(address).map(|()| socket))
-            .map_err(|error| network(&format!("cannot send to {address}"), error))?;
+            .map_err(|error| ADVICE.problem(&format!("cannot send to {address}"), error))?;
         Ok(Self {
             socket,
             layout: Layout::new(body),
@@ -241,7 +241,7 @@ impl Sink {
                 self.sent.refused_datagrams += 1;
                 Ok(())
             }
-            Err(error) => Err(network("cannot send", error)),
+            Err(error) => Err(ADVICE.problem("cannot send", error)),
         }
     }
 }

@@ -8,14 +8,18 @@ use super::datagram::Datagram;
 use super::receiver::{Options, Receiver};
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
+use bodyflight_io::udp::{Advice, LARGEST};
 use bodyflight_mvnx::recording::FlightFrame;
 
 /// The port that MVN sends to by default.
 pub const DEFAULT_PORT: u16 = 9763;
 /// Silence after which a sample is no longer waited for.
 const SILENCE: Duration = Duration::from_millis(50);
-/// Size of the largest datagram (bytes).
-const LARGEST: usize = 65_536;
+/// What to do about an address that cannot be used.
+pub(super) const ADVICE: Advice = Advice {
+    in_use: "another program is listening there: stop it or use another port",
+    port: DEFAULT_PORT,
+};
 
 /// Frames received live from MVN.
 ///
@@ -46,13 +50,7 @@ impl Source {
     /// # Errors
     /// Same as [`Source::bind`].
     pub fn with_options(address: &str, options: Options) -> Result<Self> {
-        let full = match address.strip_prefix(':') {
-            Some(port) => format!("0.0.0.0:{port}"),
-            None => address.to_owned(),
-        };
-        let socket = UdpSocket::bind(&full)
-            .and_then(|socket| socket.set_read_timeout(Some(SILENCE)).map(|()| socket))
-            .map_err(|error| network(&format!("cannot listen at {address}"), error))?;
+        let socket = ADVICE.listen(address, SILENCE)?;
         Ok(Self {
             socket,
             receiver: Receiver::new(options),
@@ -66,9 +64,7 @@ impl Source {
     /// # Errors
     /// Returns an error if the system does not report it.
     pub fn local_address(&self) -> Result<SocketAddr> {
-        self.socket
-            .local_addr()
-            .map_err(|error| network("cannot get the local address", error))
+        ADVICE.local_address(&self.socket)
     }
 
     /// The receiver behind the socket, with its counters.
@@ -99,7 +95,7 @@ impl Source {
                     ErrorKind::WouldBlock | ErrorKind::TimedOut => self.receiver.flush(),
                     // Windows reports here that replies from this socket were refused.
                     ErrorKind::Interrupted | ErrorKind::ConnectionReset => {}
-                    _ => return Err(network("cannot receive", error)),
+                    _ => return Err(ADVICE.problem("cannot receive", error)),
                 },
             }
             if begin.elapsed() >= patience {
@@ -133,18 +129,5 @@ impl Iterator for Source {
                 return Some(result);
             }
         }
-    }
-}
-
-/// A network problem, with the usual next step.
-pub(super) fn network(message: &str, error: std::io::Error) -> Problem {
-    let kind = error.kind();
-    let problem = Problem::refused(message).caused_by(error);
-    match kind {
-        ErrorKind::AddrInUse => problem.help("another program is listening there: stop it or use another port"),
-        ErrorKind::InvalidInput => problem.help(format!(
-            "expected HOST:PORT, for example 192.168.1.20:{DEFAULT_PORT}, or :PORT to listen on all networks"
-        )),
-        _ => problem,
     }
 }

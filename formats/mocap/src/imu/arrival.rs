@@ -246,7 +246,7 @@ mod tests {
     fn times_of_a_network_become_even_and_rests_are_filled() {
         // Every seventh waits, and in each second some wait together.
         let late =
-            |k: u32| if k % 7 == 0 { 0.006 } else { 0.0 } + if k % 100 < 8 { 0.08 } else { 0.0 };
+            |k: u32| if k.is_multiple_of(7) { 0.006 } else { 0.0 } + if k % 100 < 8 { 0.08 } else { 0.0 };
         let stream = read(&table(late, |_| false), &SensorRow::default()).unwrap();
         assert!((stream.rate_hz - 100.0).abs() < 3.0, "{}", stream.rate_hz);
         assert!(stream.gaps.is_empty(), "{:?}", stream.gaps);

@@ -282,7 +282,7 @@ mod tests {
         ] {
             for is_little in [true, false] {
                 let found = read(file(network, &before, is_little)).unwrap();
-                assert_eq!(found, [expected.clone()], "{network}");
+                assert_eq!(found, std::slice::from_ref(&expected), "{network}");
             }
         }
     }

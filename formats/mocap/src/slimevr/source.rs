@@ -4,7 +4,8 @@ use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
 
-use bodyflight_io::diagnostic::{Problem, Result};
+use bodyflight_io::diagnostic::Result;
+use bodyflight_io::udp::{Advice, LARGEST};
 
 use super::server::{Received, Reply, Server};
 
@@ -14,8 +15,11 @@ pub const DEFAULT_PORT: u16 = 6969;
 const PATIENCE: Duration = Duration::from_millis(50);
 /// Longest time in which datagrams are taken without a pause.
 const AT_ONCE: Duration = Duration::from_millis(100);
-/// Size of the largest datagram (bytes).
-const LARGEST: usize = 65_536;
+/// What to do about an address that cannot be used.
+const ADVICE: Advice = Advice {
+    in_use: "another program is listening there, as SlimeVR's own server does: stop it first",
+    port: DEFAULT_PORT,
+};
 
 /// A server that listens.
 #[derive(Debug)]
@@ -33,13 +37,7 @@ impl Source {
     /// # Errors
     /// Returns an error if the address is invalid, or its port is in use.
     pub fn bind(address: &str) -> Result<Self> {
-        let full = match address.strip_prefix(':') {
-            Some(port) => format!("0.0.0.0:{port}"),
-            None => address.to_owned(),
-        };
-        let socket = UdpSocket::bind(&full)
-            .and_then(|socket| socket.set_read_timeout(Some(PATIENCE)).map(|()| socket))
-            .map_err(|error| network(&format!("cannot listen at {address}"), error))?;
+        let socket = ADVICE.listen(address, PATIENCE)?;
         Ok(Self {
             socket,
             server: Server::default(),
@@ -54,9 +52,7 @@ impl Source {
     /// # Errors
     /// Returns an error if the system does not report it.
     pub fn local_address(&self) -> Result<SocketAddr> {
-        self.socket
-            .local_addr()
-            .map_err(|error| network("cannot get the local address", error))
+        ADVICE.local_address(&self.socket)
     }
 
     /// The server behind the socket.
@@ -92,7 +88,7 @@ impl Source {
                     }
                     // Windows reports here that answers were refused.
                     ErrorKind::Interrupted | ErrorKind::ConnectionReset => {}
-                    _ => return Err(network("cannot receive", error)),
+                    _ => return Err(ADVICE.problem("cannot receive", error)),
                 },
             }
             self.answer();
@@ -112,20 +108,5 @@ impl Source {
         for (to, bytes) in self.replies.drain(..) {
             let _ = self.socket.send_to(&bytes, to);
         }
-    }
-}
-
-/// A network problem, with the usual next step.
-fn network(message: &str, error: std::io::Error) -> Problem {
-    let kind = error.kind();
-    let problem = Problem::refused(message).caused_by(error);
-    match kind {
-        ErrorKind::AddrInUse => problem.help(
-            "another program is listening there, as SlimeVR's own server does: stop it first",
-        ),
-        ErrorKind::InvalidInput => problem.help(format!(
-            "expected HOST:PORT, for example 192.168.1.20:{DEFAULT_PORT}, or :PORT to listen on all networks"
-        )),
-        _ => problem,
     }
 }
