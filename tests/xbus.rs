@@ -278,17 +278,25 @@ fn golden_payloads_are_understood_to_the_last_item() {
     assert_eq!((payloads, found_items), (6, 11 + 10 + 9 + 12 + 11 + 4));
 }
 
-/// Solutions whose frames are intact, found without a decoder's state: a false start hides none of them.
+/// Solutions whose frames are intact, in either of the two layouts of NAV-PVT (84 and 92 bytes), found without a
+/// decoder's state: a false start hides none of them.
 fn intact_solutions(bytes: &[u8]) -> usize {
     let is_intact = |frame: &[u8]| {
         let sum = |[a, b]: [u8; 2], byte: &u8| {
             let a = a.wrapping_add(*byte);
             [a, b.wrapping_add(a)]
         };
-        matches!(frame, [0xB5, 0x62, 1, 7, 92, 0, .., a, b]
-            if frame[2..98].iter().fold([0; 2], sum) == [*a, *b])
+        matches!(frame, [0xB5, 0x62, checked @ .., a, b] if checked.iter().fold([0; 2], sum) == [*a, *b])
     };
-    bytes.windows(100).filter(|frame| is_intact(frame)).count()
+    let starts = (0..bytes.len()).filter_map(|start| bytes.get(start..));
+    starts
+        .filter(|rest| match rest {
+            [0xB5, 0x62, 1, 7, length @ (84 | 92), 0, ..] => {
+                rest.get(..usize::from(*length) + 8).is_some_and(is_intact)
+            }
+            _ => false,
+        })
+        .count()
 }
 
 #[test]
