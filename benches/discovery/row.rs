@@ -151,6 +151,7 @@ fn judged(case: &Case, report: &Report) -> Value {
             "acts": 1.0 - named.evidence.false_discovery_rate,
             "is_hidden": covers(case, named),
         })).collect::<Vec<_>>(),
+        "share_of_limit": share_of_limit(case, report).map(rounded),
         "nearest": report.nearest.iter().map(|named| named.name).collect::<Vec<_>>(),
         "left": report.remainders.first().map(|left| left.in_words.clone()),
         "right": is_right(case, report),
@@ -165,6 +166,24 @@ fn judged(case: &Case, report: &Report) -> Value {
             .first()
             .map(|flight| rounded(flight.gap.closed_share)),
     })
+}
+
+/// How strong a hidden effect with a value is, as a multiple of what the report says that these flights would show by the
+/// most telling of its parameters; none if it was named.
+fn share_of_limit(case: &Case, report: &Report) -> Option<f64> {
+    let [Hidden::Effect(effect, values)] = case.hidden() else {
+        return None;
+    };
+    let description = effect.description();
+    let limit = report
+        .detectable
+        .iter()
+        .find(|one| one.name == description.name)?;
+    let each = description.parameters.iter().zip(values).zip(&limit.least);
+    let shares = each.map(|((parameter, value), (_, least))| {
+        least.map_or(0.0, |least| (value - parameter.neutral).abs() / least)
+    });
+    Some(shares.fold(0.0, f64::max))
 }
 
 /// What is the same in a recording: the speed of the aircraft is a wind that blows from the exit on.

@@ -70,6 +70,7 @@ pub(super) fn tables(rows: &[Value]) -> String {
     }
     everything(&mut text, rows);
     calibrated(&mut text, rows);
+    missed(&mut text, rows);
     clean(&mut text, rows);
     described(&mut text, rows);
     wrong(&mut text, rows);
@@ -166,6 +167,21 @@ fn calibrated(text: &mut String, rows: &[Value]) {
             share(act, own.len()),
         );
     }
+}
+
+/// Hidden effects that were not named, by whether the report says that such flights would show them.
+fn missed(text: &mut String, rows: &[Value]) {
+    let shares = rows.iter().filter_map(|row| row["share_of_limit"].as_f64());
+    let shares: Vec<f64> = shares.collect();
+    if shares.is_empty() {
+        return;
+    }
+    let weaker = shares.iter().filter(|share| **share < 1.0).count();
+    let _ = writeln!(
+        text,
+        "\nSingle effects with a value that were not named, {}: {weaker} are weaker than what the report says that such flights would show.",
+        shares.len(),
+    );
 }
 
 /// Misfit of flights with nothing hidden, by family and sensor noise.

@@ -2,6 +2,7 @@
 
 pub mod adjusted_parameters;
 pub mod description;
+pub mod detectable;
 pub mod report;
 pub mod residual_rms;
 pub mod residual_wrench;

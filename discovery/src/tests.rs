@@ -1,5 +1,6 @@
 //! Tests of the parts of the search, with known answers.
 
+mod limits;
 mod neighbours;
 mod scripts;
 mod short_flights;

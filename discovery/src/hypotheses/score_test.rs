@@ -33,6 +33,14 @@ pub(crate) struct JointFit<'a> {
     pub tolerances: Tolerances,
 }
 
+/// Places of the parameters of some effects among the columns of all effects.
+pub(crate) fn columns_of(effects: &EffectSet) -> Vec<usize> {
+    let all = all_parameters();
+    let wanted = parameters_of(effects.iter().map(|(effect, _)| *effect));
+    let place = |id: &ParameterId| all.iter().position(|other| other == id);
+    wanted.iter().filter_map(place).collect()
+}
+
 /// Precision of subject and suit, given the effects.
 pub(crate) fn precision(tolerances: &Tolerances, effects: &EffectSet) -> DVector<f64> {
     subject_precision(tolerances, &fixed_by(effects))
@@ -114,7 +122,7 @@ impl<'a> JointFit<'a> {
             .sum()
     }
 
-    fn precision(&self, effects: &EffectSet) -> DVector<f64> {
+    pub(crate) fn precision(&self, effects: &EffectSet) -> DVector<f64> {
         precision(&self.tolerances, effects)
     }
 
@@ -129,6 +137,24 @@ impl<'a> JointFit<'a> {
         numbers(effects) - numbers(&neutral)
     }
 
+    /// The fitted and the held-out flights with columns for all effects. Returns `None` if one cannot be simulated.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub(crate) fn all_effects(
+        &self,
+        progress: &dyn Progress,
+    ) -> Result<Option<[Vec<DMatrix<f64>>; 2]>> {
+        let of_flights = |flights: &[(&FlightProblem<'_>, LinearFit)]| {
+            let each = flights.iter();
+            each.map(|(problem, fitted)| problem.all_effects(fitted, progress).cloned())
+                .collect::<Option<Vec<DMatrix<f64>>>>()
+        };
+        let flights = of_flights(&self.fitted).zip(of_flights(&self.held_out));
+        check(progress)?;
+        Ok(flights.map(|(here, there)| [here, there]))
+    }
+
     /// The most promising effects, best first, without those in `out_of_question`.
     ///
     /// # Errors
@@ -138,14 +164,7 @@ impl<'a> JointFit<'a> {
         out_of_question: &[Effect],
         progress: &dyn Progress,
     ) -> Result<Vec<Hypothesis>> {
-        let of_flights = |flights: &[(&FlightProblem<'_>, LinearFit)]| {
-            let each = flights.iter();
-            each.map(|(problem, fitted)| problem.all_effects(fitted, progress).cloned())
-                .collect::<Option<Vec<DMatrix<f64>>>>()
-        };
-        let flights = of_flights(&self.fitted).zip(of_flights(&self.held_out));
-        check(progress)?;
-        let Some((here, there)) = flights else {
+        let Some([here, there]) = self.all_effects(progress)? else {
             return Ok(Vec::new());
         };
         let mut hypotheses: Vec<Hypothesis> = Effect::ALL
@@ -180,14 +199,8 @@ impl<'a> JointFit<'a> {
         here: &[DMatrix<f64>],
         there: &[DMatrix<f64>],
     ) -> Option<Hypothesis> {
-        let all = all_parameters();
         let mut effects = self.effects.clone();
         effects.push((effect, effect.neutral()));
-        let columns_of = |effects: &EffectSet| -> Vec<usize> {
-            let wanted = parameters_of(effects.iter().map(|(effect, _)| *effect));
-            let place = |id: &ParameterId| all.iter().position(|other| other == id);
-            wanted.iter().filter_map(place).collect()
-        };
         let (known, columns) = (columns_of(&self.effects), columns_of(&effects));
         let before = self.precision(&self.effects);
         let precision = self.precision(&effects);

@@ -8,6 +8,7 @@ use crate::likelihood::flight_problem::FlightProblem;
 use crate::likelihood::linear_fit::LinearFit;
 use crate::output::adjusted_parameters::{Adjustment, JointCalibration};
 use crate::output::description::Described;
+use crate::output::detectable::Detectable;
 use crate::output::residual_rms::{Gap, Spot};
 use crate::output::residual_wrench::Remainder;
 use crate::shooting::stretch::CHANNELS;
@@ -106,6 +107,9 @@ pub struct Report {
     /// The best description found if it does not explain enough, here or in the held-out flights. It is not part of the
     /// model.
     pub nearest_description: Option<Described>,
+    /// How strong the effects that are not named would have to be to show in these flights. Empty if they are too short,
+    /// or if the fit has failed. Effects that change at random have no such limit.
+    pub detectable: Vec<Detectable>,
     /// What to fly next.
     pub fly_next: String,
     /// What the named effects change for the person in the first flight, in sentences; filled by who has the files.

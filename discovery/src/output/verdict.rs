@@ -12,6 +12,7 @@ use crate::jacobian::effect_parameters::estimated;
 use crate::likelihood::flight_problem::FlightProblem;
 use crate::likelihood::variance_components::FittedErrors;
 use crate::output::adjusted_parameters::{adjustments, corrections, joint_calibrations};
+use crate::output::detectable::detectable;
 use crate::output::report::{ErrorSizes, HeldOut, Report};
 use crate::output::residual_rms::gap;
 use crate::output::residual_wrench::Remainder;
@@ -67,10 +68,10 @@ pub(crate) fn report(
         .map(|(problem, fitted)| gap(problem, fitted, &joint_fit.effects));
     let (gap_here, residual_map) = gaps.next().ok_or(Error::Cancelled)?;
     let fly_next = explain(outcome, &named, &remainders, joint_fit.moving_s());
-    let trusted = if has_failed(joint_fit, &remainders) {
-        &[][..]
+    let (trusted, detectable) = if has_failed(joint_fit, &remainders) {
+        (&[][..], Vec::new())
     } else {
-        &joint_fit.fitted[..]
+        (&joint_fit.fitted[..], detectable(joint_fit, progress)?)
     };
     Ok(Report {
         verdict: outcome,
@@ -94,6 +95,7 @@ pub(crate) fn report(
         remainders,
         description: None,
         nearest_description: None,
+        detectable,
         fly_next,
         changes: Vec::new(),
         warnings: Vec::new(),

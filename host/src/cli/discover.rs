@@ -116,6 +116,7 @@ fn print_report(report: &Report, explain: bool) {
     if matches!(report.verdict, Outcome::Calibrated) || explain {
         print_adjustments(report);
     }
+    print_detectable(report, explain);
     let gap = &report.gap;
     print_gap(
         ["channel", "noise and wander"],
@@ -160,6 +161,35 @@ fn print_description(report: &Report) {
             elsewhere.join(", ")
         }
     ));
+}
+
+/// Prints which effects these flights cannot show, and how strong the others would have to be. Where something is named,
+/// only if it was asked for.
+fn print_detectable(report: &Report, explain: bool) {
+    let (shown, hidden): (Vec<_>, Vec<_>) = report
+        .detectable
+        .iter()
+        .partition(|effect| effect.is_possible());
+    let is_open = matches!(report.verdict, Outcome::None | Outcome::Calibrated);
+    if !hidden.is_empty() && (is_open || explain) {
+        let names: Vec<&str> = hidden.iter().map(|effect| effect.name).collect();
+        terminal::print(&format!(
+            "not seen in these flights even if as strong as is plausible: {}",
+            names.join(", ")
+        ));
+    }
+    if !explain || shown.is_empty() {
+        return;
+    }
+    terminal::print("would be named in 19 of 20 such flights if a parameter differed by:");
+    for effect in shown {
+        let each = effect.least.iter().map(|(name, least)| match least {
+            Some(least) => format!("{name} {least:.*}", if *least < 0.1 { 3 } else { 2 }),
+            None => format!("{name} more than is plausible"),
+        });
+        let each: Vec<String> = each.collect();
+        terminal::print(&format!("  {}: {}", effect.name, each.join(", ")));
+    }
 }
 
 /// Prints the errors found in the subject, the coefficients and the joints.
