@@ -165,8 +165,9 @@ pub(crate) fn selected<'a>(
     let mut bare: Option<JointFit<'a>> = None;
     let mut nearest: Option<Rejected> = None;
     let mut out_of_question: Vec<Effect> = Vec::new();
-    // Candidates rejected since the last name.
+    // Candidates rejected since the last name, as refitted and as they were to first order.
     let mut rejected: Vec<Hypothesis> = Vec::new();
+    let mut set_aside: Vec<Hypothesis> = Vec::new();
     while names.len() < max_effects && out_of_question.len() < DECISION.rejections {
         begin(refit.progress, "comparing the effects of the library")?;
         let tried = names.len() + out_of_question.len();
@@ -179,7 +180,8 @@ pub(crate) fn selected<'a>(
             nearest.get_or_insert_with(|| unpromising(found.hypothesis));
             break;
         }
-        let (mut name, next) = fitted_beside(refit, &files, &mut joint_fit, found)?;
+        let first_order = found.hypothesis.clone();
+        let (mut name, next) = fitted_beside(refit, &files, &mut joint_fit, found, &set_aside)?;
         reached(refit.progress, tried, 1.0);
         let bars = next
             .as_ref()
@@ -188,12 +190,13 @@ pub(crate) fn selected<'a>(
         let judged = bars.judged(name.hypothesis);
         name.hypothesis = joint_fit.checked_without_refit(judged, refit.progress);
         let is_significant = next.is_some() && is_significant(&name.hypothesis);
-        let is_nameable = is_nameable(&joint_fit, name.hypothesis.effect);
+        let is_nameable = is_nameable(&joint_fit, name.hypothesis.effect) && name.is_likeliest();
         if let Some(next) = next
             && is_significant
             && is_nameable
         {
             name.others.append(&mut rejected);
+            set_aside.clear();
             if plain.is_none() {
                 plain = joint_fit.without_wrench(refit.progress)?;
             }
@@ -204,6 +207,7 @@ pub(crate) fn selected<'a>(
         }
         out_of_question.push(name.hypothesis.effect);
         rejected.push(name.hypothesis.clone());
+        set_aside.push(first_order);
         nearest.get_or_insert(Rejected {
             errors: bars.errors_beside(&name.hypothesis),
             is_alternative: names.is_empty(),

@@ -129,10 +129,10 @@ impl Hypothesis {
             .max(DECISION.refit_noise_share * self.gain)
     }
 
-    /// Whether it is better than `best` after everything was refitted. Of two that are equally good, the first in the
-    /// library is named.
+    /// Whether it is better than `best` after everything was refitted. Of two that are the same in a recording, the first in
+    /// the library is named.
     pub(crate) fn replaces(&self, best: &Self) -> bool {
-        let least = if best.effect < self.effect {
+        let least = if best.effect < self.effect && are_same(best.effect, self.effect) {
             best.refit_noise()
         } else {
             0.0
@@ -199,10 +199,30 @@ pub(crate) struct NamedEffect {
 }
 
 impl NamedEffect {
-    /// The effects that may act instead, each with its probability, given that this or one of the others acts.
+    /// Whether it is more likely than its rivals together. Where it is not, that one of them acts may be certain, but not
+    /// which.
+    pub(crate) fn is_likeliest(&self) -> bool {
+        let shares = self.shares().into_iter();
+        let others = shares.filter(|(other, _)| !are_same(*other, self.hypothesis.effect));
+        others.map(|(_, share)| share).sum::<f64>() < 0.5
+    }
+
+    /// The effects that may act instead, each with its probability, if that is not negligible.
+    pub(crate) fn rivals(&self) -> Vec<Rival> {
+        let rivals = self.shares().into_iter().map(|(effect, share)| Rival {
+            name: effect.description().name,
+            share,
+        });
+        rivals
+            .filter(|rival| rival.share > DECISION.false_discovery_rate)
+            .collect()
+    }
+
+    /// The other effects, each with the probability that it acts given that this or one of the others does; the most likely
+    /// first.
     ///
     /// Scores count only as far as they differ by more than fits of the same flights do.
-    pub(crate) fn rivals(&self) -> Vec<Rival> {
+    fn shares(&self) -> Vec<(Effect, f64)> {
         let best = &self.hypothesis;
         let odds = |other: &Hypothesis| ((other.score() - best.score()) / best.refit_noise()).exp();
         let others = self
@@ -216,12 +236,8 @@ impl NamedEffect {
         each.dedup_by_key(|(effect, _)| *effect);
         each.sort_by(|a, b| b.1.total_cmp(&a.1));
         let all = 1.0 + each.iter().map(|(_, odds)| odds).sum::<f64>();
-        let rivals = each.into_iter().map(|(effect, odds)| Rival {
-            name: effect.description().name,
-            share: odds / all,
-        });
-        rivals
-            .filter(|rival| rival.share > DECISION.false_discovery_rate)
+        each.into_iter()
+            .map(|(effect, odds)| (effect, odds / all))
             .collect()
     }
 }
@@ -245,9 +261,18 @@ pub(crate) struct BestHypothesis {
     pub(crate) around_files: bool,
 }
 
-/// Whether a candidate is certain enough to be named, and strong enough to matter.
+/// Whether two effects are the same in a recording: the speed of the aircraft is a wind that blows from the exit on.
+fn are_same(one: Effect, other: Effect) -> bool {
+    const SAME: [Effect; 2] = [Effect::Wind, Effect::ExitSpeed];
+    one == other || (SAME.contains(&one) && SAME.contains(&other))
+}
+
+/// Whether a candidate is certain enough to be named, and strong enough to matter. Held-out flights only judge: one that
+/// the fitted flights make less likely than none is not named on their account.
 pub(crate) fn is_significant(hypothesis: &Hypothesis) -> bool {
-    hypothesis.false_discovery_rate() < DECISION.false_discovery_rate && hypothesis.matters()
+    hypothesis.false_discovery_rate() < DECISION.false_discovery_rate
+        && hypothesis.is_promising()
+        && hypothesis.matters()
 }
 
 #[cfg(test)]
@@ -350,18 +375,22 @@ mod tests {
         assert!(!is_significant(&both.of_effect(Effect::Booties)));
     }
 
+    /// Another effect with a score that is lower by this.
+    fn beside(best: &Hypothesis, effect: Effect, less: f64) -> Hypothesis {
+        let mut other = Hypothesis {
+            effect,
+            effects: vec![(effect, best.effects[0].1)],
+            ..best.clone()
+        };
+        other.gain += best.score() - other.score() - less;
+        other
+    }
+
     #[test]
     fn rivals_have_the_probability_that_their_scores_give_them() {
         let hypothesis = updraft(4.0, 0.5);
-        let other = |effect: Effect, less: f64| Hypothesis {
-            effect,
-            effects: vec![(effect, hypothesis.effects[0].1)],
-            gain: hypothesis.gain - less,
-            ..hypothesis.clone()
-        };
-        let mut close = other(Effect::Booties, 0.0);
-        close.gain += hypothesis.score() - close.score();
-        let far = other(Effect::Arch, 100.0);
+        let close = beside(&hypothesis, Effect::Booties, 0.0);
+        let far = beside(&hypothesis, Effect::Arch, 100.0);
         let name = NamedEffect {
             others: vec![far, close],
             hypothesis,
@@ -371,5 +400,48 @@ mod tests {
         };
         assert_eq!(rival.name, "booties");
         assert!((rival.share - 0.5).abs() < 1e-6, "{}", rival.share);
+    }
+
+    /// The better of two is named, if it is more likely than all others together. What is the same in a recording is none of
+    /// them.
+    #[test]
+    fn a_tie_has_no_name() {
+        let best = updraft(4.0, 0.5);
+        let is_likeliest = |others: &[Hypothesis]| {
+            let name = NamedEffect {
+                hypothesis: best.clone(),
+                others: others.to_vec(),
+            };
+            name.is_likeliest()
+        };
+        let [close, far] = [1.0, 20.0].map(|less| beside(&best, Effect::Booties, less));
+        let third = beside(&best, Effect::Arch, 1.0);
+        assert!(best.replaces(&close));
+        assert!(is_likeliest(core::slice::from_ref(&close)));
+        assert!(!is_likeliest(&[close, third]));
+        assert!(is_likeliest(&[far, beside(&best, Effect::Arch, 20.0)]));
+        let wind = beside(&best, Effect::Wind, 0.0);
+        let exit_speed = beside(&best, Effect::ExitSpeed, -1.0);
+        assert!(wind.effect < exit_speed.effect && !exit_speed.replaces(&wind));
+        let name = NamedEffect {
+            hypothesis: wind,
+            others: vec![exit_speed],
+        };
+        assert!(name.is_likeliest());
+    }
+
+    /// Held-out flights judge what the fitted flights say, and say nothing in their place.
+    #[test]
+    fn held_out_flights_alone_name_nothing() {
+        let told = Hypothesis {
+            gains_held_out: vec![40.0],
+            ..updraft(4.0, 0.5)
+        };
+        assert!(is_significant(&told));
+        let untold = Hypothesis {
+            gain: told.gain - told.score() - 0.1,
+            ..told
+        };
+        assert!(untold.log_odds() > 4.0 && !is_significant(&untold));
     }
 }

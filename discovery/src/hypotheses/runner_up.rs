@@ -34,6 +34,9 @@ fn challenging(hypotheses: &[Hypothesis], one: &Hypothesis) -> Vec<Hypothesis> {
 /// Returns the candidate that was found, or a close competitor that proves better once everything is refitted with
 /// it, together with the flights fitted with it if that succeeds.
 ///
+/// Those in `set_aside`, which were not certain when they were refitted, compete again as they were to first order: what is
+/// found with another effect may lead them out of a poor minimum.
+///
 /// # Errors
 /// Returns an error if the search was cancelled.
 pub(crate) fn fitted_beside<'a>(
@@ -41,12 +44,14 @@ pub(crate) fn fitted_beside<'a>(
     files: &JointFit<'a>,
     joint_fit: &mut JointFit<'a>,
     found: BestHypothesis,
+    set_aside: &[Hypothesis],
 ) -> Result<(NamedEffect, Option<JointFit<'a>>)> {
     let BestHypothesis {
         hypothesis,
         hypotheses,
         around_files,
     } = found;
+    let hypotheses = [set_aside, &hypotheses].concat();
     let mut name = NamedEffect {
         hypothesis,
         others: Vec::new(),
