@@ -267,11 +267,13 @@ fn are_same(one: Effect, other: Effect) -> bool {
     one == other || (SAME.contains(&one) && SAME.contains(&other))
 }
 
-/// Whether a candidate is certain enough to be named, and strong enough to matter. Held-out flights only judge: one that
-/// the fitted flights make less likely than none is not named on their account.
+/// Whether a candidate is certain enough to be named, and strong enough to matter. Neither the fitted nor the held-out
+/// flights alone may speak against it.
 pub(crate) fn is_significant(hypothesis: &Hypothesis) -> bool {
+    let held_out: f64 = hypothesis.gains_held_out.iter().sum();
     hypothesis.false_discovery_rate() < DECISION.false_discovery_rate
         && hypothesis.is_promising()
+        && held_out >= 0.0
         && hypothesis.matters()
 }
 
@@ -430,9 +432,9 @@ mod tests {
         assert!(name.is_likeliest());
     }
 
-    /// Held-out flights judge what the fitted flights say, and say nothing in their place.
+    /// Much that is gained in one part of the flights does not make up for what is lost in the other.
     #[test]
-    fn held_out_flights_alone_name_nothing() {
+    fn fitted_and_held_out_flights_must_agree() {
         let told = Hypothesis {
             gains_held_out: vec![40.0],
             ..updraft(4.0, 0.5)
@@ -440,8 +442,15 @@ mod tests {
         assert!(is_significant(&told));
         let untold = Hypothesis {
             gain: told.gain - told.score() - 0.1,
+            ..told.clone()
+        };
+        let refuted = Hypothesis {
+            gain: told.gain + 40.0,
+            gains_held_out: vec![-1.0],
             ..told
         };
-        assert!(untold.log_odds() > 4.0 && !is_significant(&untold));
+        for one in [untold, refuted] {
+            assert!(one.log_odds() > 4.0 && !is_significant(&one));
+        }
     }
 }
