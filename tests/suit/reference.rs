@@ -117,6 +117,15 @@ struct Reference {
     in_pose: Truth,
 }
 
+impl Reference {
+    /// The attitudes of a segment.
+    fn of(&self, segment: Segment) -> Vec<(f64, UnitQuaternion<f64>)> {
+        let frames = self.frames.iter();
+        let known = frames.filter_map(|(time, truth)| Some((*time, truth[segment]?)));
+        known.collect()
+    }
+}
+
 fn reference(recording: &Recording) -> Reference {
     let [_, end] = recording.pose_s;
     let in_pose = recording.truth.iter().find(|(time, _)| *time >= end - 1e-6);
@@ -190,10 +199,8 @@ fn shown(
         gyroscope.set_bias(&rest, to - from);
     }
     let up = rest.up().expect("gravity");
-    let truth: Vec<_> = (reference.frames.iter())
-        .filter_map(|(time, truth)| Some((*time, truth[segment]?)))
-        .collect();
     let level = UnitQuaternion::rotation_between(&up, &Vector3::z()).expect("a tilt");
+    let truth = reference.of(segment);
     let north = heading(&pairs(stream, &gyroscope, (to, level), &truth));
     let left = (north * level).inverse() * Vector3::x();
     (gyroscope, bend_or_march(segment, &up, &left))
@@ -253,6 +260,35 @@ fn fitted(
         mounting,
         range: None,
     }
+}
+
+/// Direction of the segments by the gyroscopes alone (degrees).
+fn alone(recording: &Recording, reference: &Reference, pose: Pose) -> f64 {
+    let in_pose = pose_of(reference, pose);
+    let [_, begin] = recording.pose_s;
+    let turned = recording.sensors.iter().map(|(segment, stream)| {
+        let (gyroscope, stances) = shown(*segment, stream, recording, reference);
+        let mounting = fit(*segment, &stances, &in_pose[*segment]).expect("a mounting");
+        let mounted = mounting.segment_from_sensor;
+        let first = (begin, in_pose[*segment] * mounted);
+        let mut pairs = pairs(stream, &gyroscope, first, &reference.of(*segment));
+        for [seen, _] in &mut pairs {
+            *seen *= mounted.inverse();
+        }
+        pairs
+    });
+    let turned: Vec<_> = turned.collect();
+    let (pelvis, limbs) = turned.split_first().expect("the pelvis");
+    let (mut sum, mut count) = (0.0, 0.0_f64);
+    for limb in limbs {
+        for (of_pelvis, of_limb) in pelvis.iter().zip(limb) {
+            let [seen, truth] =
+                [0, 1].map(|side| of_pelvis[side].inverse() * of_limb[side] * Vector3::z());
+            sum += seen.angle(&truth).powi(2);
+            count += 1.0;
+        }
+    }
+    (sum / count).sqrt().to_degrees()
 }
 
 /// Follows a set of sensors, and sums the errors of each segment.
@@ -346,6 +382,9 @@ fn real_recordings_are_as_close_as_documented() {
     let walked = both(&legs, &worn);
     let [known, assumed] = walked.each_ref().map(cell);
     sets += &format!("| walk, pelvis and legs |{known}{assumed}\n");
+    let reference = reference(&legs);
+    let [known, assumed] = [Pose::Known, Pose::Assumed].map(|pose| alone(&legs, &reference, pose));
+    sets += &format!("| walk, gyroscopes alone | {known:.1} | {assumed:.1} |\n");
     let acted = both(&whole, of_size(13).expect("a set"));
     let mut each = String::new();
     for segment in Segment::ALL.into_iter().skip(1) {
@@ -359,7 +398,6 @@ fn real_recordings_are_as_close_as_documented() {
         }
         each += "\n";
     }
-    let reference = reference(&legs);
     let mut steps = String::new();
     for (segment, stream) in legs.sensors.iter().skip(1) {
         let found = by_steps(*segment, stream, &legs, &reference);
