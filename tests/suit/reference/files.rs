@@ -29,9 +29,7 @@ pub(super) struct Recording {
 
 /// Numbers that follow each other in a line.
 fn numbers(cells: &str, separator: impl Fn(char) -> bool) -> Vec<f64> {
-    let cells = cells
-        .split(|c| separator(c))
-        .filter(|cell| !cell.is_empty());
+    let cells = cells.split(separator).filter(|cell| !cell.is_empty());
     cells
         .map(|cell| cell.trim().parse().unwrap_or(f64::NAN))
         .collect()
@@ -55,7 +53,8 @@ fn held_out(segment: Segment) -> UnitQuaternion<f64> {
 }
 
 fn text(file: &Path) -> String {
-    std::fs::read_to_string(file).unwrap_or_else(|error| panic!("{}: {error}", file.display()))
+    assert!(file.is_file(), "{} is missing", file.display());
+    std::fs::read_to_string(file).expect("a text")
 }
 
 /// Joints of the skeleton of TotalCapture, each with its segment.
@@ -97,9 +96,9 @@ pub(super) fn total_capture(folder: &Path) -> Recording {
         })
         .collect();
     let mut rewritten = String::from("Time");
-    let mut mapping = format!(
+    let mut mapping = String::from(
         "kind = \"imu\"\n[columns]\ntime = \"Time\"\norientation = [\"w\", \"x\", \"y\", \"z\"]\n\
-         specific_force = [\"a\", \"b\", \"c\"]\n"
+         specific_force = [\"a\", \"b\", \"c\"]\n",
     );
     for (segment, ..) in &carried {
         let name = segment.name();
