@@ -23,6 +23,8 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use files::{Recording, Truth, total_capture, walk};
 
+/// Half of the time over which gravity is taken in the pose (s).
+const STILL: f64 = 0.1;
 /// What the reference itself is taken to be off in the pose, each axis (rad).
 const KNOWN: f64 = 0.01;
 
@@ -127,7 +129,7 @@ impl Reference {
 }
 
 fn reference(recording: &Recording) -> Reference {
-    let [_, end] = recording.pose_s;
+    let end = recording.pose_s;
     let in_pose = recording.truth.iter().find(|(time, _)| *time >= end - 1e-6);
     let (_, in_pose) = in_pose.expect("the reference of the pose");
     let left = in_pose[Segment::Pelvis].expect("the pelvis") * Vector3::x();
@@ -191,17 +193,22 @@ fn shown(
     recording: &Recording,
     reference: &Reference,
 ) -> (Gyroscope<f64>, Stances<f64>) {
-    let [from, to] = recording.pose_s;
-    let mut rest = Rest::default();
-    readings(stream, [from, to]).for_each(|reading| rest.take(&reading));
+    let pose = recording.pose_s;
+    let rested = |window: [f64; 2]| {
+        let mut rest = Rest::default();
+        readings(stream, window).for_each(|reading| rest.take(&reading));
+        rest
+    };
     let mut gyroscope = Gyroscope::of_fusion();
     if !stream.is_fused {
-        gyroscope.set_bias(&rest, to - from);
+        let [from, to] = recording.rest_s;
+        gyroscope.set_bias(&rested([from, to]), to - from);
     }
+    let rest = rested([pose - STILL, pose + STILL]);
     let up = rest.up().expect("gravity");
     let level = UnitQuaternion::rotation_between(&up, &Vector3::z()).expect("a tilt");
     let truth = reference.of(segment);
-    let north = heading(&pairs(stream, &gyroscope, (to, level), &truth));
+    let north = heading(&pairs(stream, &gyroscope, (pose, level), &truth));
     let left = (north * level).inverse() * Vector3::x();
     (gyroscope, bend_or_march(segment, &up, &left))
 }
@@ -215,7 +222,7 @@ fn by_steps(
     reference: &Reference,
 ) -> Option<[f64; 2]> {
     let (gyroscope, stances) = shown(segment, stream, recording, reference);
-    let [_, begin] = recording.pose_s;
+    let begin = recording.pose_s;
     let mut march = March::default();
     for reading in readings(stream, [begin, begin + MARCH]) {
         let rate = gyroscope.corrected(&reading.angular_velocity);
@@ -265,7 +272,7 @@ fn fitted(
 /// Direction of the segments by the gyroscopes alone (degrees).
 fn alone(recording: &Recording, reference: &Reference, pose: Pose) -> f64 {
     let in_pose = pose_of(reference, pose);
-    let [_, begin] = recording.pose_s;
+    let begin = recording.pose_s;
     let turned = recording.sensors.iter().map(|(segment, stream)| {
         let (gyroscope, stances) = shown(*segment, stream, recording, reference);
         let mounting = fit(*segment, &stances, &in_pose[*segment]).expect("a mounting");
@@ -309,7 +316,7 @@ fn followed(recording: &Recording, set: &[Segment], pose: Pose) -> Found {
     let rate = worn
         .first()
         .map_or(0.0, |(_, stream)| stream.rate_hz.round());
-    let [_, mut time] = recording.pose_s;
+    let mut time = recording.pose_s;
     let mut found = Found::new();
     for (until, truth) in &reference.frames {
         while time + 0.5 / rate < *until {

@@ -21,8 +21,10 @@ pub(super) struct Recording {
     pub(super) sensors: Vec<(Segment, Stream)>,
     /// By the clock of the sensors (s).
     pub(super) truth: Vec<(f64, Truth)>,
-    /// Standing upright with the arms down (s).
-    pub(super) pose_s: [f64; 2],
+    /// A rest before, which shows the biases of raw sensors (s).
+    pub(super) rest_s: [f64; 2],
+    /// When the person stands upright with the arms down (s).
+    pub(super) pose_s: f64,
     /// Time after which errors count (s).
     pub(super) begin_s: f64,
 }
@@ -126,7 +128,8 @@ pub(super) fn total_capture(folder: &Path) -> Recording {
     Recording {
         sensors,
         truth: skeleton(&text(&folder.join("gt_skel_gbl_ori.txt"))),
-        pose_s: [2.83, 3.17],
+        rest_s: [0.6, 1.6],
+        pose_s: 3.0,
         begin_s: 3.5,
     }
 }
@@ -203,7 +206,8 @@ pub(super) fn walk(folder: &Path) -> Recording {
     Recording {
         truth: each.collect(),
         sensors,
-        pose_s: [begin + 8.0, first],
+        rest_s: [begin + 3.0, begin + 10.0],
+        pose_s: first,
         begin_s: first + 0.5,
     }
 }
