@@ -7,6 +7,8 @@ mod bars;
 mod faults;
 #[path = "suit/recorded.rs"]
 mod recorded;
+#[path = "suit/reference.rs"]
+mod reference;
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -57,8 +57,10 @@ const LEAST_TILT: f64 = 0.2;
 const POSE: f64 = 0.05;
 /// Least turn in the march from which a heading follows, root of its mean square (rad/s).
 const LEAST_SWING: f64 = 0.3;
-/// Least mean angle in the march that tells forwards from backwards (rad).
+/// Least mean angle in the march that tells forwards from backwards (rad), and for each rad/s of the swing (s): a shank in a mere
+/// walk swings as far to either side, which a march does not.
 const LEAST_SIDE: f64 = 0.06;
+const LEAST_BALANCE: f64 = 0.05;
 /// Cosine of the angle beyond which bend and march contradict each other.
 const CONTRADICTION: f64 = 0.5;
 
@@ -117,7 +119,9 @@ impl<T: Real> March<T> {
         let along = about(&axis, &axis);
         let across = xx + yy - along;
         let side = self.area.dot(&axis) / self.duration;
-        if along < T::of(LEAST_SWING * LEAST_SWING) || side.abs() < T::of(LEAST_SIDE) {
+        let is_undecided = side.abs() < T::of(LEAST_SIDE)
+            || side * side < T::of(LEAST_BALANCE * LEAST_BALANCE) * along;
+        if along < T::of(LEAST_SWING * LEAST_SWING) || is_undecided {
             return None;
         }
         let spread = if across > T::zero() {
@@ -275,6 +279,25 @@ mod tests {
                 assert!((0.03..0.3).contains(&found.heading_deviation));
             }
         }
+    }
+
+    #[test]
+    fn a_swing_to_both_sides_shows_no_heading() {
+        let mounted = crate::math::rotation_by(&Vector3::new(0.3, -1.2, 0.4));
+        let mut march = March::default();
+        for k in 0..600_u16 {
+            let (sine, cosine) = (f32::from(k) * 0.01 * core::f32::consts::TAU).sine_cosine();
+            // Forwards and backwards by 30 degrees, and 4 degrees more to one side.
+            let rate = Vector3::x() * (3.3 * cosine + 0.44 * sine);
+            march.take(&(mounted.inverse() * rate), 0.01);
+        }
+        let walk = Stances {
+            march: Some(march),
+            bent: None,
+            ..stances(mounted, 0.0, 0.0)
+        };
+        let found = fit(Segment::LeftShank, &walk, &UnitQuaternion::identity());
+        assert_eq!(found, Err(MountingError::NoHeading));
     }
 
     #[test]

@@ -44,6 +44,15 @@ impl<T: Real> Default for Gyroscope<T> {
 }
 
 impl<T: Real> Gyroscope<T> {
+    /// A gyroscope whose rates are the turns of attitudes by a fusion of its own: that has taken the bias off, and a person
+    /// who sways while standing shows none.
+    pub fn of_fusion() -> Self {
+        Self {
+            bias_deviation: T::of(RETURNING_BIAS),
+            ..Self::default()
+        }
+    }
+
     /// Angular velocity (rad/s) from a reading.
     pub fn corrected(&self, read: &Vector3<T>) -> Vector3<T> {
         (read - self.bias).component_mul(&self.gain)

@@ -175,6 +175,7 @@ fn filled(arrived: &[Arrived], period: f64) -> Result<Stream> {
     }
     let count = times.len().max(1) as f64;
     let mut stream = Stream::new(times, readings)?;
+    stream.is_fused = true;
     // What was filled in is missing all the same.
     stream.lost = (stream.lost + missing / count).min(1.0);
     Ok(stream)

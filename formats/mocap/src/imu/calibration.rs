@@ -62,7 +62,7 @@ pub(super) fn calibrated(
             .map_err(|problem| problem.at(format!("sensor {}", segment.name())))?;
         fitted.push(placed(one, row, body));
     }
-    if windows.tray.is_none() {
+    if windows.tray.is_none() && !sensors.iter().all(|(_, stream)| stream.is_fused) {
         notes.push(
             "no rest in a tray: biases are those of a person who stands, and drift more".to_owned(),
         );
@@ -187,16 +187,18 @@ fn gyroscope(
     given: &Windows,
     notes: &mut Vec<String>,
 ) -> Result<Gyroscope<f64>> {
-    let mut gyroscope = Gyroscope::default();
     let (window, name) = match windows.tray {
         Some(tray) => (tray, "tray_s"),
         None => (windows.upright, "upright_s"),
     };
     let rest = held(stream, window, name)?;
     let [from, to] = window;
-    gyroscope.set_bias(&rest, to - from);
-    if windows.tray.is_none() {
-        gyroscope.bias_deviation = gyroscope.bias_deviation.hypot(SWAY);
+    let mut gyroscope = Gyroscope::of_fusion();
+    if !stream.is_fused {
+        gyroscope.set_bias(&rest, to - from);
+        if windows.tray.is_none() {
+            gyroscope.bias_deviation = gyroscope.bias_deviation.hypot(SWAY);
+        }
     }
     for turn in &given.turns_s {
         let mut turns = Turns::default();
@@ -260,4 +262,37 @@ fn held(stream: &Stream, window: [f64; 2], name: &str) -> Result<Rest<f64>> {
 fn up(rest: &Rest<f64>, name: &str) -> Result<Vector3<f64>> {
     rest.up()
         .ok_or_else(|| Problem::bad_input(format!("{name}: no gravity is felt")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bodyflight_core::suit::strapdown::Reading;
+
+    /// Somebody sways while standing, by a degree in four seconds.
+    #[test]
+    fn swaying_is_no_bias_of_a_fusion() {
+        let sway = Vector3::new(0.004, 0.0, 0.0);
+        let reading = Reading {
+            angular_velocity: sway,
+            specific_force: Vector3::z() * 9.8,
+        };
+        let times = (0..500).map(|k| f64::from(k) * 0.01).collect();
+        let mut stream = Stream::new(times, vec![reading; 500]).unwrap();
+        let windows = Found {
+            tray: None,
+            upright: [0.5, 4.5],
+            bent: None,
+            march: None,
+            note: None,
+        };
+        let given = Windows::default();
+        let bias = |stream: &Stream| {
+            let found = gyroscope(Segment::Thorax, stream, &windows, &given, &mut Vec::new());
+            found.unwrap().bias
+        };
+        assert!((bias(&stream) - sway).norm() < 1e-9, "a raw one is taken");
+        stream.is_fused = true;
+        assert!(bias(&stream).norm() < 1e-9, "{}", bias(&stream));
+    }
 }

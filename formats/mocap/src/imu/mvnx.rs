@@ -21,6 +21,7 @@ struct Samples {
     times: Vec<f64>,
     readings: Vec<Reading<f64>>,
     turning: Turning,
+    is_fused: bool,
 }
 
 /// Reads the sensors of the segments; `prefix` is the name of a sensor, if it is not that of MVN's segment.
@@ -71,12 +72,14 @@ pub(super) fn streams(
         }
     }
     let each = places.into_iter().map(|(segment, _, samples)| {
-        let stream = Stream::new(samples.times, samples.readings).map_err(|problem| {
+        let is_fused = samples.is_fused;
+        let mut stream = Stream::new(samples.times, samples.readings).map_err(|problem| {
             problem
                 .at(format!("sensor {}", segment.name()))
                 .in_file(path)
                 .help("export with sensorOrientation and sensorFreeAcceleration, or with sensorAngularVelocity and sensorAcceleration")
         })?;
+        stream.is_fused = is_fused;
         Ok((segment, stream))
     });
     each.collect()
@@ -90,7 +93,10 @@ impl Samples {
         );
         let reading = match raw {
             (Some(rate), Some(force)) => Some((rate, force)),
-            _ => self.fused(time, frame, place),
+            _ => {
+                self.is_fused = true;
+                self.fused(time, frame, place)
+            }
         };
         if let Some((angular_velocity, specific_force)) = reading {
             self.times.push(time);

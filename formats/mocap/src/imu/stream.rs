@@ -39,6 +39,8 @@ pub struct Stream {
     pub gaps: Vec<[f64; 2]>,
     /// Share of samples that are missing.
     pub lost: f64,
+    /// Whether its rates are turns of orientations by the sensor's own fusion, which has taken the bias off.
+    pub is_fused: bool,
 }
 
 /// What a column of forces holds.
@@ -229,7 +231,10 @@ impl Stream {
             times.push(time);
             readings.push(reading);
         }
-        Self::new(times, readings)
+        Ok(Self {
+            is_fused: places.turn.is_some(),
+            ..Self::new(times, readings)?
+        })
     }
 
     /// Samples at rising times (s).
@@ -264,6 +269,7 @@ impl Stream {
             rate_hz,
             times,
             readings,
+            is_fused: false,
         })
     }
 
@@ -487,7 +493,7 @@ mod tests {
         let columns = columns("dot-fused");
         let table = table(&text, &columns, "").unwrap();
         let stream = Stream::of(&table, &columns, &SensorRow::default(), None).unwrap();
-        assert!((stream.rate_hz - 100.0).abs() < 1e-6);
+        assert!((stream.rate_hz - 100.0).abs() < 1e-6 && stream.is_fused);
         let reading = stream.at(1.0 + 1e-9).unwrap();
         assert!((reading.angular_velocity - Vector3::x()).norm() < 1e-6);
         let (sine, cosine) = 1.0_f64.sin_cos();
