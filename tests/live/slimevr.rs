@@ -296,6 +296,6 @@ fn wrong_calls_are_reported() {
     let read = ["slimevr", "read", plain(&file), "--out", plain(&out)];
     assert!(fails(&read, 2).contains("pcap"));
     std::fs::write(&file, bodyflight_tests::slimevr_trackers::pcap(&[])).expect("a file");
-    assert!(fails(&read, 2).contains("found none"));
+    assert!(fails(&read, 2).contains("found none: 0 trackers"));
     assert!(!out.exists());
 }

@@ -11,7 +11,7 @@ use bodyflight_mocap::slimevr::capture::Capture;
 use bodyflight_mocap::slimevr::record::{
     Assignment, Record, acceleration_turn_deg, fusion, sensor_name,
 };
-use bodyflight_mocap::slimevr::server::Server;
+use bodyflight_mocap::slimevr::server::{Counters, Server};
 use bodyflight_mocap::slimevr::{SensorState, Tracker, sensor_type};
 use serde::Serialize;
 
@@ -33,7 +33,7 @@ pub struct Report {
     /// The sensors of all trackers.
     pub sensors: Vec<Sensor>,
     /// What arrived apart from them.
-    pub datagrams: Datagrams,
+    pub datagrams: Counters,
     /// Remarks.
     pub warnings: Vec<String>,
     /// Why the recording should not be trusted.
@@ -66,12 +66,16 @@ pub struct Sensor {
     pub packets: u64,
     /// Packets of the tracker that never arrived.
     pub lost_packets: u64,
-    /// Packets that others overtook; their content is not used.
+    /// Packets that others overtook.
     pub late_packets: u64,
+    /// Those of them that came too late to be used.
+    pub unused_packets: u64,
     /// Packets that came again.
     pub repeated_packets: u64,
-    /// Times the tracker's numbers began again.
+    /// Times the tracker restarted. Its heading is another one each time.
     pub restarts: u64,
+    /// When the first packet came after each of the first sixteen (s).
+    pub restarted_s: Vec<f64>,
     /// Longest time in which nothing came from the tracker (s).
     pub longest_silence_s: f64,
     /// Time since the last packet of the tracker (s).
@@ -82,24 +86,39 @@ pub struct Sensor {
     pub battery_v: Option<f64>,
 }
 
-/// Datagrams that arrived apart from samples.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+/// A line of `slimevr listen --json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Datagrams {
-    /// All of them.
-    pub all: u64,
-    /// Those that are none of a tracker.
-    pub foreign: u64,
-    /// Those of senders that had not introduced themselves.
-    pub from_strangers: u64,
-    /// Trackers, sensors and samples for which there was no place.
-    pub refused: u64,
-    /// Packets that end too early.
-    pub damaged: u64,
-    /// Orientations and accelerations that are none.
-    pub impossible: u64,
-    /// Packets of types that are not known, by type.
-    pub unknown_types: BTreeMap<u32, u64>,
+#[serde(untagged)]
+pub enum Line {
+    /// The first one.
+    Listening {
+        /// The address at which it listens.
+        listening: String,
+    },
+    /// Each second.
+    State {
+        /// Orientations a second (Hz).
+        received_rate_hz: f64,
+        /// Trackers that introduced themselves.
+        trackers: usize,
+        /// Those of which nothing comes.
+        silent: Vec<String>,
+        /// What arrived apart from samples.
+        datagrams: Counters,
+    },
+    /// A tracker restarted. Its heading is another one.
+    Restarted {
+        /// The tracker.
+        restarted: String,
+        /// When the first packet came after it (s).
+        time_s: f64,
+    },
+    /// The last one.
+    Totals {
+        /// What was received.
+        totals: Box<Report>,
+    },
 }
 
 impl Report {
@@ -116,6 +135,12 @@ impl Report {
         fusions(server, &mut doubts);
         missing(server, worn, &mut warnings);
         let counters = server.counters();
+        if counters.impossible > 0 {
+            warnings.push(format!(
+                "{} packets have numbers that are none, as quaternions that are not of unit length, and are left out",
+                counters.impossible
+            ));
+        }
         if !counters.unknown_types.is_empty() {
             let each = counters.unknown_types.iter();
             let each: Vec<String> = each
@@ -130,15 +155,7 @@ impl Report {
             folder: None,
             duration_s: time,
             sensors,
-            datagrams: Datagrams {
-                all: counters.datagrams,
-                foreign: counters.foreign,
-                from_strangers: counters.from_strangers,
-                refused: counters.refused,
-                damaged: counters.damaged,
-                impossible: counters.impossible,
-                unknown_types: counters.unknown_types.clone(),
-            },
+            datagrams: counters.clone(),
             warnings,
             doubts,
         }
@@ -181,14 +198,23 @@ impl Sensor {
             packets: tracker.received(),
             lost_packets: tracker.lost(),
             late_packets,
+            unused_packets: tracker.unused,
             repeated_packets,
             restarts: tracker.restarts(),
+            restarted_s: tracker.restarted_s.clone(),
             longest_silence_s: tracker.longest_silence_s,
             silent_s: tracker.silent_s(time),
             round_trip_s: tracker.round_trip_s,
             battery_v: tracker.battery_v,
         }
     }
+}
+
+/// What is to be said of a tracker that restarted, by the time of the first packet after it (s).
+pub fn restarted(time: f64) -> String {
+    format!(
+        "it restarted before {time:.1} s: its heading is another one from there on, and import doubts it if that was after the first pose of the calibration"
+    )
 }
 
 /// What is to be said of a tracker.
@@ -217,7 +243,16 @@ fn about(tracker: &Tracker, time: f64, warnings: &mut Vec<String>) {
             tracker.longest_silence_s
         ));
     }
+    for time in &tracker.restarted_s {
+        say(restarted(*time));
+    }
     let packets = (tracker.received() + tracker.lost()).max(1) as f64;
+    if tracker.unused as f64 > MUCH * packets {
+        say(format!(
+            "{} of its packets came too late to be used: do two trackers send from its address?",
+            tracker.unused
+        ));
+    }
     let lost = tracker.lost() as f64 / packets;
     if lost > MUCH {
         say(format!(
@@ -376,13 +411,30 @@ pub fn read(request: &Request<'_>) -> Result<Report> {
     }
     let refused = record.refused();
     let Some(folder) = record.finish(&server, request.worn)? else {
-        return Err(Problem::bad_input(format!(
-            "expected packets of SlimeVR's trackers to port {}, found none",
-            request.port
-        ))
-        .in_file(request.capture)
-        .help("record the traffic to the server, or give the server's port with --port"));
+        return Err(nothing(&server, request.port).in_file(request.capture));
     };
-    let report = Report::of(&server, time, request.worn);
+    let mut report = Report::of(&server, time, request.worn);
+    if capture.is_cut() {
+        report
+            .warnings
+            .push("the traffic ends in the middle of a packet: the file was cut off".to_owned());
+    }
     Ok(report.written(Some(folder), refused))
+}
+
+/// What to say of traffic without samples.
+fn nothing(server: &Server, port: u16) -> Problem {
+    let counters = server.counters();
+    if counters.impossible > 0 {
+        return Problem::bad_input(format!(
+            "expected orientations of SlimeVR's trackers, found {} packets whose numbers are none, as quaternions that are not of unit length",
+            counters.impossible
+        ))
+        .help("the sensors do not work, or the sender is no tracker");
+    }
+    let (trackers, foreign) = (server.trackers().len(), counters.foreign);
+    Problem::bad_input(format!(
+        "expected orientations of SlimeVR's trackers to port {port}, found none: {trackers} trackers that sent none, and {foreign} datagrams of other programs",
+    ))
+    .help("record the traffic to the server, or give the server's port with --port")
 }

@@ -12,7 +12,7 @@ use super::arrival;
 use super::calibration::{Calibrated, calibrated};
 use super::checks::{FirstPose, Joints};
 use super::clocks::{self, Late};
-use super::doubts::Doubts;
+use super::doubts::{Doubts, restarted};
 use super::exchange::Calibration;
 use super::mapping::ImuMapping;
 use super::mvnx;
@@ -102,8 +102,13 @@ pub fn worn(
         windows: &windows,
         body,
     };
-    let calibrated = calibrated(mapping, &windows, sensors, body)
-        .map_err(|problem| with_remedy(problem, ground.remedy(sensors)))?;
+    let calibrated =
+        calibrated(mapping, &windows, sensors, body).map_err(
+            |problem| match restarted_in_poses(mapping, sensors, windows.upright[0]) {
+                Some(said) => problem.help(said),
+                None => with_remedy(problem, ground.remedy(sensors)),
+            },
+        )?;
     let mut notes = calibrated.notes.clone();
     notes.extend(remarks(sensors));
     let mut doubts = Doubts::default();
@@ -111,6 +116,7 @@ pub fn worn(
     doubts.exchanged(ground.exchange(sensors, &calibrated.fitted));
     let in_tray = clocks::in_tray(&mapping.calibration.turns_s, sensors, &calibrated.fitted);
     let window = flight(mapping, sensors, &calibrated)?;
+    doubts.restarted(mapping, sensors, windows.upright[0], window);
     let rate_hz = common_rate(sensors);
     let count = frame_count(window, rate_hz)?;
     let mut suit = Box::new(
@@ -184,6 +190,19 @@ fn late_as_worn(suit: &Suit<f64, 16, { pairs_of(16) }>, clocks: &Clocks<f64, 16>
     let delays = suit.segments().zip(clocks.delays(suit));
     let known = delays.filter_map(|(segment, delay)| delay.map(|[by, off]| (segment, by, off)));
     clocks::worn(&known.collect::<Vec<_>>())
+}
+
+/// What to say of the first sensor that began again after the begin of the first pose (s), if one did: the poses may be
+/// refused since its heading is another one.
+fn restarted_in_poses(
+    mapping: &ImuMapping,
+    sensors: &[(Segment, &Stream)],
+    begin_s: f64,
+) -> Option<String> {
+    sensors.iter().find_map(|(segment, stream)| {
+        let after = stream.restarts.iter().find(|[_, first]| *first > begin_s)?;
+        Some(restarted(mapping, *segment, *after, f64::INFINITY))
+    })
 }
 
 /// Adds to a refusal which exchange would explain it.

@@ -29,22 +29,23 @@ const FEATURES: u8 = 0b11;
 /// A datagram to send.
 pub type Reply = (SocketAddr, Vec<u8>);
 
-/// What arrived, apart from what each tracker sent.
+/// Datagrams that arrived apart from samples.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Counters {
     /// All datagrams.
-    pub datagrams: u64,
+    pub all: u64,
     /// Those that are none of a tracker.
     pub foreign: u64,
     /// Those of senders that had not introduced themselves.
     pub from_strangers: u64,
-    /// Trackers and sensors for which there was no place.
+    /// Trackers, sensors and samples for which there was no place.
     pub refused: u64,
     /// Packets that end too early.
     pub damaged: u64,
     /// Orientations and accelerations that are none.
     pub impossible: u64,
-    /// Packets of unknown types, by type.
+    /// Packets of types that are not known, by type.
     pub unknown_types: BTreeMap<u32, u64>,
 }
 
@@ -87,7 +88,7 @@ impl Server {
         samples: &mut Vec<Received>,
         replies: &mut Vec<Reply>,
     ) {
-        self.counters.datagrams += 1;
+        self.counters.all += 1;
         let Some(datagram) = Datagram::parse(bytes) else {
             self.counters.foreign += 1;
             return;
@@ -106,7 +107,6 @@ impl Server {
         let Some(own) = self.trackers.get_mut(tracker) else {
             return;
         };
-        let is_new = own.take_number(time, datagram.number);
         let mut complete = Vec::new();
         let most = replies.len() + MOST_REPLIES;
         for message in &datagram.messages {
@@ -124,10 +124,9 @@ impl Server {
                 _ => {}
             }
             replies.truncate(most);
-            if is_new && !own.take(datagram.number, time, message, &mut complete) {
-                self.counters.refused += 1;
-            }
         }
+        let Datagram { number, messages } = datagram;
+        self.counters.refused += own.take(time, number, messages, &mut complete);
         samples.extend(complete.into_iter().map(|(sensor, sample)| Received {
             tracker,
             sensor,
@@ -153,7 +152,7 @@ impl Server {
         }
     }
 
-    /// The samples that still wait for an acceleration, at the end.
+    /// The samples that still wait for packets before them or for an acceleration, at the end.
     pub fn ended(&mut self) -> Vec<Received> {
         let each = self.trackers.iter_mut().enumerate();
         let each = each.flat_map(|(tracker, own)| {
@@ -192,10 +191,14 @@ impl Server {
             Some(mac) => mac.map(|part| format!("{part:02X}")).join(":"),
             None => from.ip().to_string(),
         };
-        let known = self
-            .trackers
-            .iter()
-            .position(|tracker| tracker.name == name);
+        // One that sent before recorded traffic had its introduction is called by its address.
+        let is_known = |tracker: &Tracker| {
+            tracker.name == name
+                || self.takes_strangers
+                    && tracker.address == from
+                    && tracker.name == from.ip().to_string()
+        };
+        let known = self.trackers.iter().position(is_known);
         let Some(place) = known.or_else(|| self.room(time, &name, from)) else {
             self.counters.refused += 1;
             return;
@@ -352,9 +355,16 @@ mod tests {
             .collect();
         assert_eq!(
             got,
-            [(0, 0, 1, 0, true), (0, 0, 6, 2, true), (0, 1, 3, 0, false)]
+            [
+                (0, 0, 1, 0, true),
+                (0, 0, 5, 1, false),
+                (0, 0, 6, 0, true),
+                (0, 1, 3, 0, false)
+            ]
         );
         assert!((talk.samples[0].sample.time_s - 0.7).abs() < 1e-9);
+        // The sixth came before the fifth, which was sent no later.
+        assert!((talk.samples[1].sample.time_s - 0.8).abs() < 1e-9);
         let [first, second] = talk.server.trackers() else {
             panic!("two trackers");
         };
@@ -388,8 +398,16 @@ mod tests {
         }
         talk.samples.extend(talk.server.ended());
         assert_eq!((talk.server.trackers().len(), talk.samples.len()), (1, 19));
-        assert_eq!(talk.server.trackers()[0].lost(), 0);
+        let own = &talk.server.trackers()[0];
+        assert_eq!((own.lost(), own.restarts()), (0, 1));
+        assert_eq!(own.restarted_s, [8.5]);
+        let restarts: Vec<u64> = talk.samples.iter().map(|own| own.sample.restarts).collect();
+        assert_eq!(restarts, [[0; 10].as_slice(), &[1; 9]].concat());
         assert!((talk.server.trackers()[0].longest_silence_s - 7.0).abs() < 1e-9);
+        // One that had only lost its server goes on.
+        talk.say(20.0, address(3), &handshake([9; 6], 4));
+        talk.say(20.1, address(3), &rotation(10, 0));
+        assert_eq!(talk.server.trackers()[0].restarts(), 1);
     }
 
     #[test]
