@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::path::Path;
 
+use bodyflight_core::Segment;
 use bodyflight_core::suit::placement::of_size;
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -59,93 +60,93 @@ pub struct Restart {
     pub off_s: [f64; 2],
 }
 
+/// The way of a tracker's packets to the server. They wait in one queue, so that one does not overtake another by chance.
+struct Way {
+    network: Network,
+    random: Random,
+    queue_s: f64,
+    from: SocketAddr,
+}
+
+impl Way {
+    fn send(&mut self, time: f64, packets: Vec<Vec<u8>>, all: &mut Traffic) {
+        let (network, random) = (self.network, &mut self.random);
+        if random.share() < network.stalled / 10.0 {
+            self.queue_s = self.queue_s.max(time + 0.1);
+        }
+        for packet in packets {
+            if random.share() < network.lost {
+                continue;
+            }
+            let delay = 0.002 + network.jitter_s * random.share().powi(3);
+            let arrival = (time + delay).max(self.queue_s);
+            self.queue_s = arrival;
+            if random.share() < network.disordered {
+                all.push((arrival + 0.03 * random.share(), self.from, packet.clone()));
+                if random.share() < 0.5 {
+                    continue;
+                }
+            }
+            all.push((arrival, self.from, packet));
+        }
+    }
+}
+
+/// Times (s), rates and forces of a simulated sensor.
+fn readings(jump: &Path, segment: Segment) -> Vec<(f64, Vector3<f64>, Vector3<f64>)> {
+    let table = jump.join(format!("sensors/{}.csv", segment.name()));
+    let table = std::fs::read_to_string(table).expect("a table");
+    let rows = table.lines().skip(1).map(|row| {
+        let cells = row.split(',');
+        let each: Vec<f64> = cells.map(|cell| cell.parse().expect("a number")).collect();
+        let [rate, force] = [1, 4].map(|at| Vector3::from_row_slice(&each[at..at + 3]));
+        (each[0], rate, force)
+    });
+    rows.filter(|(time, ..)| *time >= SWITCHED_ON).collect()
+}
+
 /// Traffic of a jump's sensors: a tracker for each, with the acceleration turned as its firmware does.
 pub fn traffic(jump: &Path, network: Network, turn_deg: f64, restart: Option<Restart>) -> Traffic {
     let mut all = Vec::new();
     let forms = [Form::Bundled, Form::Separate, Form::Compact];
     for (place, segment) in (0_u8..).zip(of_size(10).expect("a set")) {
-        let mut random = Random(u64::from(place) + 7);
-        let from = address(place);
-        let mut restart = restart.filter(|restart| restart.place == place);
+        let mut way = Way {
+            network,
+            random: Random(u64::from(place) + 7),
+            queue_s: 0.0,
+            from: address(place),
+        };
+        let mut off_s = restart
+            .filter(|restart| restart.place == place)
+            .map(|own| own.off_s);
         let mut heading = UnitQuaternion::identity();
         let mut tracker = Tracker::new(place, forms[usize::from(place) % 3]);
         // Times of the record are those of the simulation.
-        all.push((0.0, from, tracker.handshake(13)));
-        all.push((0.0, from, tracker.information(0, 13, false)));
-        let table = jump.join(format!("sensors/{}.csv", segment.name()));
-        let table = std::fs::read_to_string(table).expect("a table");
-        let numbers = table.lines().skip(1).map(|row| {
-            let each = row
-                .split(',')
-                .map(|cell| cell.parse::<f64>().expect("a number"));
-            each.collect::<Vec<f64>>()
-        });
+        all.push((0.0, way.from, tracker.handshake(13)));
+        all.push((0.0, way.from, tracker.information(0, 13, false)));
         let mut fusion = Fusion::default();
-        let mut last: Option<(f64, UnitQuaternion<f64>)> = None;
+        let mut before: Option<f64> = None;
+        let mut sent: Option<UnitQuaternion<f64>> = None;
         let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn_deg.to_radians());
-        // Packets wait in one queue, so that one does not overtake another by chance.
-        let mut queue = 0.0_f64;
-        for numbers in numbers {
-            let time = numbers[0];
-            if time < SWITCHED_ON {
+        for (time, rate, force) in readings(jump, *segment) {
+            let step = before.map_or(1.0 / 120.0, |before| time - before);
+            before = Some(time);
+            let (turn, free) = fusion.take(&rate, &force, step);
+            if off_s.is_some_and(|[from, until]| (from..until).contains(&time)) {
                 continue;
             }
-            let step = last.map_or(1.0 / 120.0, |(before, _)| time - before);
-            let (rate, force) = (
-                Vector3::from_row_slice(&numbers[1..4]),
-                Vector3::from_row_slice(&numbers[4..7]),
-            );
-            let (turn, free) = fusion.take(&rate, &force, step);
-            let turn = heading * turn;
-            if restart.is_some_and(
-                |Restart {
-                     off_s: [from, _], ..
-                 }| time > from,
-            ) {
-                if restart.is_some_and(
-                    |Restart {
-                         off_s: [_, until], ..
-                     }| time < until,
-                ) {
-                    last = Some((time, turn));
-                    continue;
-                }
-                restart = None;
+            if off_s.take_if(|[_, until]| time >= *until).is_some() {
                 tracker.number = 0;
-                all.push((time, from, tracker.handshake(13)));
+                all.push((time, way.from, tracker.handshake(13)));
                 heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 1.2);
             }
+            let turn = heading * turn;
             // The firmware does not repeat an orientation.
-            let same = last.is_some_and(|(_, sent)| (sent.coords - turn.coords).amax() < 1e-4);
-            last = Some((
-                time,
-                if same {
-                    last.map_or(turn, |(_, sent)| sent)
-                } else {
-                    turn
-                },
-            ));
-            if same {
+            if sent.is_some_and(|sent| (sent.coords - turn.coords).amax() < 1e-4) {
                 continue;
             }
-            if random.share() < network.stalled / 10.0 {
-                queue = queue.max(time + 0.1);
-            }
-            for packet in tracker.sample(0, &turn, &(turned * free)) {
-                if random.share() < network.lost {
-                    continue;
-                }
-                let delay = 0.002 + network.jitter_s * random.share().powi(3);
-                let arrival = (time + delay).max(queue);
-                queue = arrival;
-                if random.share() < network.disordered {
-                    all.push((arrival + 0.03 * random.share(), from, packet.clone()));
-                    if random.share() < 0.5 {
-                        continue;
-                    }
-                }
-                all.push((arrival, from, packet));
-            }
+            sent = Some(turn);
+            way.send(time, tracker.sample(0, &turn, &(turned * free)), &mut all);
         }
     }
     all.sort_by(|one, other| one.0.total_cmp(&other.0));

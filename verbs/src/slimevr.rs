@@ -131,6 +131,12 @@ impl Report {
                 sensors.push(Sensor::of(tracker, *number, state, time, worn));
             }
             about(tracker, time, &mut warnings);
+            if tracker.is_doubled {
+                doubts.push(format!(
+                    "{}: another tracker sends from its address or has its name, so that their orientations are mixed: give each its own",
+                    tracker.name
+                ));
+            }
         }
         fusions(server, &mut doubts);
         missing(server, worn, &mut warnings);

@@ -102,13 +102,7 @@ pub fn worn(
         windows: &windows,
         body,
     };
-    let calibrated =
-        calibrated(mapping, &windows, sensors, body).map_err(
-            |problem| match restarted_in_poses(mapping, sensors, windows.upright[0]) {
-                Some(said) => problem.help(said),
-                None => with_remedy(problem, ground.remedy(sensors)),
-            },
-        )?;
+    let calibrated = ready(&ground, sensors)?;
     let mut notes = calibrated.notes.clone();
     notes.extend(remarks(sensors));
     let mut doubts = Doubts::default();
@@ -192,16 +186,24 @@ fn late_as_worn(suit: &Suit<f64, 16, { pairs_of(16) }>, clocks: &Clocks<f64, 16>
     clocks::worn(&known.collect::<Vec<_>>())
 }
 
-/// What to say of the first sensor that began again after the begin of the first pose (s), if one did: the poses may be
-/// refused since its heading is another one.
-fn restarted_in_poses(
-    mapping: &ImuMapping,
-    sensors: &[(Segment, &Stream)],
-    begin_s: f64,
-) -> Option<String> {
-    sensors.iter().find_map(|(segment, stream)| {
-        let after = stream.restarts.iter().find(|[_, first]| *first > begin_s)?;
-        Some(restarted(mapping, *segment, *after, f64::INFINITY))
+/// Calibrates the sensors. A refusal says what may be the reason: a sensor that began again after the begin of the first pose,
+/// since its heading is another one, or sensors that are exchanged.
+fn ready(ground: &Calibration<'_>, sensors: &[(Segment, &Stream)]) -> Result<Calibrated> {
+    let Calibration {
+        mapping,
+        windows,
+        body,
+    } = *ground;
+    let again = || {
+        sensors.iter().find_map(|(segment, stream)| {
+            let is_after = |[_, first]: &&[f64; 2]| *first > windows.upright[0];
+            let after = stream.restarts.iter().find(is_after)?;
+            Some(restarted(mapping, *segment, *after, f64::INFINITY))
+        })
+    };
+    calibrated(mapping, windows, sensors, body).map_err(|problem| match again() {
+        Some(said) => problem.help(said),
+        None => with_remedy(problem, ground.remedy(sensors)),
     })
 }
 

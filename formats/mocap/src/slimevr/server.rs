@@ -206,6 +206,7 @@ impl Server {
         // Another tracker that had this address has it no more.
         for (other, tracker) in self.trackers.iter_mut().enumerate() {
             if other != place && tracker.address == from {
+                tracker.disturbed(time);
                 tracker.address = SocketAddr::from(([0, 0, 0, 0], 0));
             }
         }
@@ -411,6 +412,24 @@ mod tests {
     }
 
     #[test]
+    fn two_trackers_of_one_name_or_at_one_address_are_told() {
+        let doubled = |second: [u8; 6], from: u8, after: f64| {
+            let mut talk = Talk::default();
+            talk.say(0.0, address(1), &handshake([9; 6], 4));
+            for number in 1..200_u32 {
+                let time = 0.01 * f64::from(number);
+                talk.say(time, address(1), &rotation(u64::from(number), 0));
+            }
+            talk.say(2.0 + after, address(from), &handshake(second, 4));
+            talk.server.trackers()[0].is_doubled
+        };
+        assert!(doubled([9; 6], 2, 0.1) && doubled([8; 6], 1, 0.1));
+        // Another one elsewhere, the same again, and one that has got another address meanwhile.
+        assert!(!doubled([8; 6], 2, 0.1) && !doubled([9; 6], 1, 0.1));
+        assert!(!doubled([9; 6], 2, 5.0) && !doubled([8; 6], 1, 5.0));
+    }
+
+    #[test]
     fn sensors_say_what_they_are_and_bundles_are_asked_for() {
         let mut talk = Talk::default();
         talk.say(0.0, address(1), &handshake([9; 6], 4));
@@ -453,6 +472,42 @@ mod tests {
     }
 
     proptest! {
+        /// A network that delays packets by up to a tenth of a second and sends some twice costs no sample.
+        #[test]
+        fn packets_out_of_order_cost_no_sample(seed in 0_u32..1000, twice in 1_u32..9) {
+            let mixed = |k: u32| (k ^ (seed << 8)).wrapping_mul(2_654_435_761) >> 16 & 0xFF;
+            let mut sent = Vec::new();
+            for k in 1..600_u32 {
+                let number = 2 * u64::from(k);
+                for (number, bytes) in [(number, rotation(number, 0)), (number + 1, acceleration(number + 1, 0))] {
+                    let time = 0.005 * number as f64;
+                    let delay = |by: u32| 1e-3 * f64::from(mixed(k ^ by) % 100);
+                    let by = u32::from(number % 2 == 0);
+                    sent.push((time + delay(by), bytes.clone()));
+                    if k % twice == 0 {
+                        sent.push((time + delay(by + 77), bytes));
+                    }
+                }
+            }
+            sent.sort_by(|one, other| one.0.total_cmp(&other.0));
+            let mut talk = Talk::default();
+            talk.say(0.0, address(1), &handshake([9; 6], 4));
+            // The first packet that arrives is the first one: what was before is not known.
+            talk.say(0.0, address(1), &rotation(1, 0));
+            for (time, bytes) in &sent {
+                talk.say(*time, address(1), bytes);
+            }
+            talk.samples.extend(talk.server.ended());
+            let numbers: Vec<u64> = talk.samples.iter().map(|own| own.sample.number).collect();
+            let expected: Vec<u64> = core::iter::once(1).chain((1..600).map(|k| 2 * k)).collect();
+            prop_assert_eq!(numbers, expected);
+            prop_assert!(talk.samples.iter().skip(1).all(|own| own.sample.acceleration.is_some() && own.sample.lost == 0));
+            let times: Vec<f64> = talk.samples.iter().map(|own| own.sample.time_s).collect();
+            prop_assert!(times.windows(2).all(|pair| pair[0] <= pair[1]));
+            let own = &talk.server.trackers()[0];
+            prop_assert_eq!((own.received(), own.lost(), own.restarts(), own.unused), (1199, 0, 0, 0));
+        }
+
         #[test]
         fn no_datagrams_stop_it(
             steps in prop::collection::vec((0_u8..4, 0_u32..110, 0_u64..80, any::<Vec<u8>>()), 0..60),

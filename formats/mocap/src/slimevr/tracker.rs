@@ -38,6 +38,8 @@ pub struct Tracker {
     pub restarted_s: Vec<f64>,
     /// Packets that came after later ones had had their turn, so that their content is not used.
     pub unused: u64,
+    /// Whether another tracker introduced itself from its address, or by its name from another one, while it was heard.
+    pub is_doubled: bool,
     /// When it last introduced itself (s).
     pub(super) greeted_s: f64,
     /// When the last packet came (s).
@@ -80,6 +82,7 @@ impl Tracker {
             longest_silence_s: 0.0,
             restarted_s: Vec::new(),
             unused: 0,
+            is_doubled: false,
             greeted_s: time,
             heard_s: time,
             numbers: Numbers::default(),
@@ -133,6 +136,9 @@ impl Tracker {
 
     /// It introduced itself at a time (s).
     pub(super) fn greet(&mut self, time: f64, address: SocketAddr, handshake: Handshake) {
+        if address.ip() != self.address.ip() {
+            self.disturbed(time);
+        }
         if self.numbers.received > 0 && time - self.greeted_s > SILENCE {
             self.numbers.greeted();
         }
@@ -144,6 +150,11 @@ impl Tracker {
         }
         (self.address, self.handshake, self.greeted_s) = (address, handshake, time);
         self.heard(time);
+    }
+
+    /// Another tracker, or the same after it was silent, takes its name or its address at a time (s).
+    pub(super) fn disturbed(&mut self, time: f64) {
+        self.is_doubled |= self.silent_s(time) < SILENCE;
     }
 
     /// Notes that something came; silence is measured between such times.
