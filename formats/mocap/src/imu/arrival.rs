@@ -100,7 +100,8 @@ fn of(table: &Table, columns: &Columns, sensor: &SensorRow) -> Result<Stream> {
             turn,
             force,
         });
-        (lost, restarts) = (0.0, Some(begun));
+        lost = 0.0;
+        restarts = Some(begun).filter(|begun| !begun.is_nan()).or(restarts);
     }
     let Some(period) = period(&arrived) else {
         return Stream::new(Vec::new(), Vec::new());

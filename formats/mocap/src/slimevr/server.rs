@@ -411,6 +411,25 @@ mod tests {
         assert_eq!(talk.server.trackers()[0].restarts(), 1);
     }
 
+    /// Traffic that begins while trackers send: one that restarts is the same, though only then it says its name.
+    #[test]
+    fn a_tracker_that_introduces_itself_late_is_the_one_at_its_address() {
+        let mut talk = Talk {
+            server: Server::of_recorded(),
+            samples: Vec::new(),
+        };
+        for number in 1000..1010 {
+            talk.say(1.0, address(1), &rotation(number, 0));
+        }
+        talk.say(5.0, address(1), &handshake([9; 6], 4));
+        talk.say(5.1, address(1), &rotation(1, 0));
+        let [own] = talk.server.trackers() else {
+            panic!("one tracker");
+        };
+        assert_eq!((own.name.as_str(), own.restarts()), ("192.168.0.1", 1));
+        assert_eq!(own.handshake.protocol, 22);
+    }
+
     #[test]
     fn two_trackers_of_one_name_or_at_one_address_are_told() {
         let doubled = |second: [u8; 6], from: u8, after: f64| {
