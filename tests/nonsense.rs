@@ -21,6 +21,8 @@ mod mixed;
 mod orientations;
 #[path = "nonsense/recorded.rs"]
 mod recorded;
+#[path = "nonsense/slimevr.rs"]
+mod slimevr;
 #[path = "nonsense/tracks.rs"]
 mod tracks;
 

@@ -60,6 +60,12 @@ impl Program {
         );
     }
 
+    /// Asserts that a value, such as a line, is as the schema of this name says.
+    pub fn fits(self, name: &str, value: &Value) {
+        let fault = self.fault(name, value);
+        assert!(fault.is_none(), "{fault:?}: {value}");
+    }
+
     /// The first violation of a schema, if there is one.
     fn fault(self, name: &str, value: &Value) -> Option<String> {
         let schema = self.run(&["schema", name]).stdout;

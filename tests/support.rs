@@ -8,6 +8,7 @@ pub mod long_recording;
 pub mod program;
 pub mod range_watch;
 pub mod receiver;
+pub mod slimevr_jump;
 pub mod slimevr_trackers;
 pub mod small_recording;
 pub mod text_inputs;

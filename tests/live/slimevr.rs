@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use bodyflight_tests::program::Program;
 use bodyflight_tests::slimevr_trackers::{Form, Tracker};
 use nalgebra::{UnitQuaternion, Vector3};
 use serde_json::Value;
@@ -39,14 +40,25 @@ impl Listener {
     }
 
     /// Ends it as Ctrl-C does; returns the totals and the exit code.
-    fn end(mut self) -> (Value, Option<i32>) {
+    fn end(self) -> (Value, Option<i32>) {
+        let (mut lines, code) = self.said();
+        let totals = lines.pop().expect("totals");
+        (totals["totals"].clone(), code)
+    }
+
+    /// Ends it as Ctrl-C does; returns all that it printed after its address and the exit code.
+    fn said(mut self) -> (Vec<Value>, Option<i32>) {
         let id = self.process.id().to_string();
         let sent = Command::new("kill").args(["-INT", &id]).status();
         assert!(sent.expect("kill is there").success());
-        let last = self.lines.map_while(Result::ok).last().expect("totals");
-        let totals: Value = serde_json::from_str(&last).expect("JSON");
+        let lines = self.lines.map_while(Result::ok);
+        let lines = lines.map(|line| serde_json::from_str(&line).expect("JSON"));
+        let lines: Vec<Value> = lines.collect();
+        for line in &lines {
+            Program(BINARY).fits("slimevr-listen", line);
+        }
         let code = self.process.wait().expect("ended").code();
-        (totals["totals"].clone(), code)
+        (lines, code)
     }
 }
 
@@ -261,6 +273,56 @@ fn different_fusions_and_silent_trackers_are_named() {
 }
 
 #[test]
+fn a_tracker_that_restarts_is_told_when_it_does_and_at_the_end() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("jump");
+    let listener = Listener::new(&["--out", plain(&out)]);
+    let mut one = Wearer::new(Tracker::new(1, Form::Bundled), 13, &listener.address);
+    // Its server was lost for a moment, then it restarts.
+    for (number, samples) in [(0, 30), (30, 30), (0, 50)] {
+        std::thread::sleep(Duration::from_millis(1200));
+        if samples != 30 || number == 30 {
+            one.send(&one.tracker.handshake(13));
+        }
+        one.tracker.number = number;
+        for k in 0..samples {
+            let turned = turn(0.01 * f64::from(k), 0.0);
+            for packet in one.tracker.sample(0, &turned, &Vector3::zeros()) {
+                one.send(&packet);
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+    std::thread::sleep(Duration::from_millis(1200));
+    let (lines, code) = listener.said();
+    assert_eq!(code, Some(130), "{lines:?}");
+    let told: Vec<&Value> = lines
+        .iter()
+        .filter(|line| !line["restarted"].is_null())
+        .collect();
+    let [told] = told[..] else {
+        panic!("{lines:?}");
+    };
+    assert_eq!(told["restarted"], "A0:B1:C2:D3:E4:01");
+    let totals = &lines.last().expect("totals")["totals"];
+    let sensor = &totals["sensors"][0];
+    assert_eq!(
+        (sensor["restarts"].as_u64(), sensor["samples"].as_u64()),
+        (Some(1), Some(110))
+    );
+    assert_eq!(sensor["restarted_s"][0], told["time_s"]);
+    let warnings = totals["warnings"].to_string();
+    assert!(warnings.contains("it restarted before"), "{warnings}");
+    let restarts: Vec<f64> = table(&out, "A0B1C2D3E401.csv")
+        .iter()
+        .map(|row| row[10])
+        .collect();
+    assert_eq!(restarts, [[0.0; 60].as_slice(), &[1.0; 50]].concat());
+    let mapping = std::fs::read_to_string(out.join("mapping.toml")).expect("a mapping");
+    assert!(mapping.contains("110 samples, restarted at"), "{mapping}");
+}
+
+#[test]
 fn wrong_calls_are_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let there = folder.path().join("there");
@@ -296,6 +358,6 @@ fn wrong_calls_are_reported() {
     let read = ["slimevr", "read", plain(&file), "--out", plain(&out)];
     assert!(fails(&read, 2).contains("pcap"));
     std::fs::write(&file, bodyflight_tests::slimevr_trackers::pcap(&[])).expect("a file");
-    assert!(fails(&read, 2).contains("found none"));
+    assert!(fails(&read, 2).contains("found none: 0 trackers"));
     assert!(!out.exists());
 }

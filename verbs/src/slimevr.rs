@@ -1,26 +1,20 @@
 //! `bodyflight slimevr`: what SlimeVR's trackers sent, as a folder that `import` reads.
 
-use std::collections::BTreeMap;
+mod remarks;
+
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use bodyflight_core::Segment;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
 use bodyflight_mocap::slimevr::capture::Capture;
-use bodyflight_mocap::slimevr::record::{
-    Assignment, Record, acceleration_turn_deg, fusion, sensor_name,
-};
-use bodyflight_mocap::slimevr::server::Server;
+use bodyflight_mocap::slimevr::record::{Assignment, Record, fusion, sensor_name};
+use bodyflight_mocap::slimevr::server::{Counters, Server};
 use bodyflight_mocap::slimevr::{SensorState, Tracker, sensor_type};
 use serde::Serialize;
 
-/// Silence that is said (s).
-const SILENCE: f64 = 1.0;
-/// Share of lost packets, and of orientations without an acceleration, from which it is said.
-const MUCH: f64 = 0.05;
-/// Version of the protocol from which accelerations are turned on the tracker.
-const TURNED_SINCE: u32 = 22;
+pub use remarks::restarted;
+use remarks::{about, fusions, missing};
 
 /// What was received.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -33,7 +27,7 @@ pub struct Report {
     /// The sensors of all trackers.
     pub sensors: Vec<Sensor>,
     /// What arrived apart from them.
-    pub datagrams: Datagrams,
+    pub datagrams: Counters,
     /// Remarks.
     pub warnings: Vec<String>,
     /// Why the recording should not be trusted.
@@ -66,12 +60,16 @@ pub struct Sensor {
     pub packets: u64,
     /// Packets of the tracker that never arrived.
     pub lost_packets: u64,
-    /// Packets that others overtook; their content is not used.
+    /// Packets that others overtook.
     pub late_packets: u64,
+    /// Those of them that came too late to be used.
+    pub unused_packets: u64,
     /// Packets that came again.
     pub repeated_packets: u64,
-    /// Times the tracker's numbers began again.
+    /// Times the tracker restarted. Its heading is another one each time.
     pub restarts: u64,
+    /// When the first packet came after each of the first sixteen (s).
+    pub restarted_s: Vec<f64>,
     /// Longest time in which nothing came from the tracker (s).
     pub longest_silence_s: f64,
     /// Time since the last packet of the tracker (s).
@@ -82,24 +80,39 @@ pub struct Sensor {
     pub battery_v: Option<f64>,
 }
 
-/// Datagrams that arrived apart from samples.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+/// A line of `slimevr listen --json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Datagrams {
-    /// All of them.
-    pub all: u64,
-    /// Those that are none of a tracker.
-    pub foreign: u64,
-    /// Those of senders that had not introduced themselves.
-    pub from_strangers: u64,
-    /// Trackers, sensors and samples for which there was no place.
-    pub refused: u64,
-    /// Packets that end too early.
-    pub damaged: u64,
-    /// Orientations and accelerations that are none.
-    pub impossible: u64,
-    /// Packets of types that are not known, by type.
-    pub unknown_types: BTreeMap<u32, u64>,
+#[serde(untagged)]
+pub enum Line {
+    /// The first one.
+    Listening {
+        /// The address at which it listens.
+        listening: String,
+    },
+    /// Each second.
+    State {
+        /// Orientations a second (Hz).
+        received_rate_hz: f64,
+        /// Trackers that introduced themselves.
+        trackers: usize,
+        /// Those of which nothing comes.
+        silent: Vec<String>,
+        /// What arrived apart from samples.
+        datagrams: Counters,
+    },
+    /// A tracker restarted. Its heading is another one.
+    Restarted {
+        /// The tracker.
+        restarted: String,
+        /// When the first packet came after it (s).
+        time_s: f64,
+    },
+    /// The last one.
+    Totals {
+        /// What was received.
+        totals: Box<Report>,
+    },
 }
 
 impl Report {
@@ -112,10 +125,22 @@ impl Report {
                 sensors.push(Sensor::of(tracker, *number, state, time, worn));
             }
             about(tracker, time, &mut warnings);
+            if tracker.is_doubled {
+                doubts.push(format!(
+                    "{}: another tracker sends from its address or has its name, so that their orientations are mixed: give each its own",
+                    tracker.name
+                ));
+            }
         }
         fusions(server, &mut doubts);
         missing(server, worn, &mut warnings);
         let counters = server.counters();
+        if counters.impossible > 0 {
+            warnings.push(format!(
+                "{} packets have numbers that are none, as quaternions that are not of unit length, and are left out",
+                counters.impossible
+            ));
+        }
         if !counters.unknown_types.is_empty() {
             let each = counters.unknown_types.iter();
             let each: Vec<String> = each
@@ -130,15 +155,7 @@ impl Report {
             folder: None,
             duration_s: time,
             sensors,
-            datagrams: Datagrams {
-                all: counters.datagrams,
-                foreign: counters.foreign,
-                from_strangers: counters.from_strangers,
-                refused: counters.refused,
-                damaged: counters.damaged,
-                impossible: counters.impossible,
-                unknown_types: counters.unknown_types.clone(),
-            },
+            datagrams: counters.clone(),
             warnings,
             doubts,
         }
@@ -181,114 +198,14 @@ impl Sensor {
             packets: tracker.received(),
             lost_packets: tracker.lost(),
             late_packets,
+            unused_packets: tracker.unused,
             repeated_packets,
             restarts: tracker.restarts(),
+            restarted_s: tracker.restarted_s.clone(),
             longest_silence_s: tracker.longest_silence_s,
             silent_s: tracker.silent_s(time),
             round_trip_s: tracker.round_trip_s,
             battery_v: tracker.battery_v,
-        }
-    }
-}
-
-/// What is to be said of a tracker.
-fn about(tracker: &Tracker, time: f64, warnings: &mut Vec<String>) {
-    let name = &tracker.name;
-    let mut say = |text: String| warnings.push(format!("{name}: {text}"));
-    let (failures, code) = tracker.errors;
-    if failures > 0 {
-        say(format!(
-            "it reported {failures} failures of a sensor, the last with code {code}"
-        ));
-    }
-    if tracker.samples() == 0 {
-        say("it introduced itself, but sent no orientation: does its sensor work?".to_owned());
-        return;
-    }
-    let silent = tracker.silent_s(time);
-    if silent > SILENCE {
-        say(format!(
-            "nothing has come from it for {silent:.1} s: its battery may be empty"
-        ));
-    }
-    if tracker.longest_silence_s > SILENCE {
-        say(format!(
-            "it was silent for up to {:.1} s",
-            tracker.longest_silence_s
-        ));
-    }
-    let packets = (tracker.received() + tracker.lost()).max(1) as f64;
-    let lost = tracker.lost() as f64 / packets;
-    if lost > MUCH {
-        say(format!(
-            "{:.1} % of its packets were lost: place the access point nearer, or use another channel",
-            100.0 * lost
-        ));
-    }
-    let bare: u64 = tracker
-        .sensors
-        .values()
-        .map(|own| own.without_acceleration)
-        .sum();
-    if bare as f64 > MUCH * tracker.samples() as f64 {
-        say(format!(
-            "{bare} of {} orientations came without an acceleration, and import leaves them out",
-            tracker.samples()
-        ));
-    }
-    let protocol = tracker.handshake.protocol;
-    if protocol < TURNED_SINCE {
-        say(format!(
-            "its firmware speaks version {protocol} of the protocol, whose accelerations follow the chip and not the tracker: the mapping has acceleration_turn_deg = {}, which is right for chips that are mounted as in SlimeVR's own trackers",
-            acceleration_turn_deg(protocol)
-        ));
-    }
-}
-
-/// Sensors whose orientations are not made in the same way.
-fn fusions(server: &Server, doubts: &mut Vec<String>) {
-    let mut by_fusion: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    for tracker in server.trackers() {
-        for (number, state) in &tracker.sensors {
-            if let Some(fusion) = fusion(state).filter(|_| state.samples > 0) {
-                let name = sensor_name(tracker, *number);
-                by_fusion.entry(fusion).or_default().push(name);
-            }
-        }
-    }
-    if by_fusion.len() > 1 {
-        let each = by_fusion.iter();
-        let each: Vec<String> = each
-            .map(|(fusion, names)| format!("{fusion} ({})", names.join(", ")))
-            .collect();
-        doubts.push(format!(
-            "the trackers make orientations in different ways, {}: what differs becomes posture; wear trackers of one kind",
-            each.join(" and ")
-        ));
-    }
-    for (fusion, names) in &by_fusion {
-        if fusion.contains("magnetometer") {
-            doubts.push(format!(
-                "the magnetometer is used in {}: it is off by tens of degrees indoors and near metal; switch it off",
-                names.join(", ")
-            ));
-        }
-    }
-}
-
-/// Trackers that should be worn and are not there, or sent nothing.
-fn missing(server: &Server, worn: &[Assignment], warnings: &mut Vec<String>) {
-    for one in worn {
-        let is_there = server.trackers().iter().any(|tracker| {
-            let sensor = tracker.sensors.get(&one.sensor);
-            tracker.name == one.tracker && sensor.is_some_and(|sensor| sensor.samples > 0)
-        });
-        if !is_there {
-            warnings.push(format!(
-                "nothing came from the tracker {} for {}",
-                one.tracker,
-                Segment::name(one.segment)
-            ));
         }
     }
 }
@@ -376,13 +293,30 @@ pub fn read(request: &Request<'_>) -> Result<Report> {
     }
     let refused = record.refused();
     let Some(folder) = record.finish(&server, request.worn)? else {
-        return Err(Problem::bad_input(format!(
-            "expected packets of SlimeVR's trackers to port {}, found none",
-            request.port
-        ))
-        .in_file(request.capture)
-        .help("record the traffic to the server, or give the server's port with --port"));
+        return Err(nothing(&server, request.port).in_file(request.capture));
     };
-    let report = Report::of(&server, time, request.worn);
+    let mut report = Report::of(&server, time, request.worn);
+    if capture.is_cut() {
+        report
+            .warnings
+            .push("the traffic ends in the middle of a packet: the file was cut off".to_owned());
+    }
     Ok(report.written(Some(folder), refused))
+}
+
+/// What to say of traffic without samples.
+fn nothing(server: &Server, port: u16) -> Problem {
+    let counters = server.counters();
+    if counters.impossible > 0 {
+        return Problem::bad_input(format!(
+            "expected orientations of SlimeVR's trackers, found {} packets whose numbers are none, as quaternions that are not of unit length",
+            counters.impossible
+        ))
+        .help("the sensors do not work, or the sender is no tracker");
+    }
+    let (trackers, foreign) = (server.trackers().len(), counters.foreign);
+    Problem::bad_input(format!(
+        "expected orientations of SlimeVR's trackers to port {port}, found none: {trackers} trackers that sent none, and {foreign} datagrams of other programs",
+    ))
+    .help("record the traffic to the server, or give the server's port with --port")
 }

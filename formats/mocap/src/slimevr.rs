@@ -11,6 +11,7 @@ pub mod record;
 mod sample;
 pub mod sensor_type;
 pub mod server;
+mod sorted;
 pub mod source;
 mod tracker;
 

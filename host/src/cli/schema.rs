@@ -11,8 +11,8 @@ use super::terminal;
 #[cfg(all(test, feature = "schema"))]
 mod answers;
 
-/// By verb, for verbs that answer with one value. `monitor`, `mvn listen` and `slimevr listen` print an endless stream of lines, described
-/// in docs/formats.md.
+/// By verb, for verbs that answer with one value, and for the lines of `slimevr listen`. `monitor` and `mvn listen` print an
+/// endless stream of lines, described in docs/formats.md.
 const SCHEMAS: &str = include_str!("../../data/schemas.json");
 
 /// Print the JSON Schema of a verb's `--json` output.

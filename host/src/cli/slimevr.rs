@@ -5,11 +5,11 @@ use std::time::{Duration, Instant};
 
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_io::interrupt;
+use bodyflight_mocap::slimevr::Tracker;
 use bodyflight_mocap::slimevr::record::{Assignment, Record, check};
 use bodyflight_mocap::slimevr::source::{DEFAULT_PORT, Source};
-use bodyflight_verbs::slimevr::{Report, Request, read};
+use bodyflight_verbs::slimevr::{Line, Report, Request, read, restarted};
 use clap::Subcommand;
-use serde_json::json;
 
 use super::arguments::within;
 use super::terminal;
@@ -56,7 +56,7 @@ struct Listen {
     worn: Vec<Assignment>,
 }
 
-/// Record the same from traffic that tcpdump or Wireshark saved as pcap, also while SlimeVR's own server was running.
+/// Record the same from traffic that tcpdump or Wireshark saved, also while SlimeVR's own server was running.
 #[derive(clap::Args)]
 #[command(
     after_help = "To record traffic: tcpdump -i any -w traffic.pcap udp port 6969\n\
@@ -111,13 +111,14 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
     let mut source = Source::bind(&args.bind)?;
     let address = source.local_address()?.to_string();
     let mut goes_on = if json {
-        terminal::json_line(&json!({ "listening": address }))?
+        terminal::json_line(&Line::Listening { listening: address })?
     } else {
         terminal::line(&format!("listening at {address}"))
     };
     let mut samples = Vec::new();
     let mut reported = (Instant::now(), 0_u64);
     let mut received = 0;
+    let mut told = Told::default();
     while goes_on
         && !interrupt::requested()
         && args.seconds.is_none_or(|most| source.time_s() < most)
@@ -129,7 +130,8 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
                 record.push(&sample, source.server())?;
             }
         }
-        if reported.0.elapsed() >= REPORT_PERIOD {
+        goes_on = told.restarts(&source, json)?;
+        if goes_on && reported.0.elapsed() >= REPORT_PERIOD {
             #[expect(clippy::cast_precision_loss, reason = "few samples in a second")]
             let rate = (received - reported.1) as f64 / reported.0.elapsed().as_secs_f64();
             reported = (Instant::now(), received);
@@ -147,7 +149,8 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
     let folder = written.transpose()?.flatten();
     let report = Report::of(source.server(), time, &args.worn).written(folder, refused);
     if json {
-        terminal::json_line(&json!({ "totals": report }))?;
+        let totals = Box::new(report.clone());
+        terminal::json_line(&Line::Totals { totals })?;
     } else {
         tell(&report);
         if args.out.is_some() && report.folder.is_none() {
@@ -155,6 +158,35 @@ fn listen(args: &Listen, json: bool) -> Result<()> {
         }
     }
     verdict(&report)
+}
+
+/// How many restarts of each tracker were told.
+#[derive(Default)]
+struct Told(Vec<usize>);
+
+impl Told {
+    /// Tells of trackers that restarted since the last time; returns whether anybody still reads it.
+    fn restarts(&mut self, source: &Source, json: bool) -> Result<bool> {
+        let trackers = source.server().trackers();
+        self.0.resize(trackers.len(), 0);
+        for (tracker, told) in trackers.iter().zip(&mut self.0) {
+            let Tracker {
+                name, restarted_s, ..
+            } = tracker;
+            for time_s in restarted_s.iter().skip(*told) {
+                if !json {
+                    terminal::note(&format!("warning: {name}: {}", restarted(*time_s)));
+                } else if !terminal::json_line(&Line::Restarted {
+                    restarted: name.clone(),
+                    time_s: *time_s,
+                })? {
+                    return Ok(false);
+                }
+            }
+            *told = restarted_s.len();
+        }
+        Ok(true)
+    }
 }
 
 /// Prints how many samples come a second (Hz), and who is silent; returns whether anybody still reads it.
@@ -167,13 +199,12 @@ fn print_state(rate: f64, source: &Source, json: bool) -> Result<bool> {
         .collect();
     let trackers = server.trackers();
     if json {
-        let names: Vec<&str> = silent.iter().map(|(name, _)| *name).collect();
-        return terminal::json_line(&json!({
-            "received_rate_hz": rate,
-            "trackers": trackers.len(),
-            "silent": names,
-            "counters": server.counters(),
-        }));
+        return terminal::json_line(&Line::State {
+            received_rate_hz: rate,
+            trackers: trackers.len(),
+            silent: silent.iter().map(|(name, _)| (*name).to_owned()).collect(),
+            datagrams: server.counters().clone(),
+        });
     }
     let [lost, came] = trackers.iter().fold([0, 0], |[lost, came], tracker| {
         [lost + tracker.lost(), came + tracker.received()]

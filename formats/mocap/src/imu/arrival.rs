@@ -30,11 +30,16 @@ const LONGEST_REST: f64 = 60.0;
 /// Most samples filled in for one that arrived, and besides.
 const MOST_FILLED: [usize; 2] = [20, 10_000];
 
+/// Deviation of the length of a quaternion from 1 from which it is none.
+const OFF_LENGTH: f64 = 0.01;
+
 /// A sample as it arrived.
 struct Arrived {
     time: f64,
     /// Packets that were lost before it.
     lost: f64,
+    /// Whether the sensor began again since the sample before.
+    is_new: bool,
     turn: UnitQuaternion<f64>,
     force: Vector3<f64>,
 }
@@ -58,7 +63,7 @@ pub(super) fn read(path: &Path, columns: &Columns, sensor: &SensorRow) -> Result
 fn of(table: &Table, columns: &Columns, sensor: &SensorRow) -> Result<Stream> {
     let places = Places::of(table, columns, sensor, None)?;
     let mut arrived: Vec<Arrived> = Vec::new();
-    let mut lost = 0.0;
+    let (mut lost, mut restarts) = (0.0, None);
     for row in 0..table.rows() {
         let time = places
             .time
@@ -73,10 +78,14 @@ fn of(table: &Table, columns: &Columns, sensor: &SensorRow) -> Result<Stream> {
         let Some(turn) = turn.filter(|turn| turn.coords.norm().is_finite()) else {
             continue;
         };
+        is_unit(places.length(table, row)).map_err(|problem| problem.at_line(table.line(row)))?;
         // The turn over a sample without an acceleration is in the next.
         if !(time.is_finite() && force.norm().is_finite()) {
             continue;
         }
+        let begun = places
+            .restarts
+            .map_or(0.0, |column| table.value(row, column));
         if let Some(last) = arrived.last().filter(|last| time < last.time) {
             return Err(Problem::bad_input(format!(
                 "expected times that rise, found {time} s after {} s",
@@ -87,10 +96,12 @@ fn of(table: &Table, columns: &Columns, sensor: &SensorRow) -> Result<Stream> {
         arrived.push(Arrived {
             time,
             lost,
+            is_new: restarts.is_some_and(|before| begun > before),
             turn,
             force,
         });
         lost = 0.0;
+        restarts = Some(begun).filter(|begun| !begun.is_nan()).or(restarts);
     }
     let Some(period) = period(&arrived) else {
         return Stream::new(Vec::new(), Vec::new());
@@ -99,11 +110,22 @@ fn of(table: &Table, columns: &Columns, sensor: &SensorRow) -> Result<Stream> {
     filled(&arrived, period)
 }
 
+/// Checks the length of a quaternion.
+fn is_unit(length: f64) -> Result<()> {
+    if (length - 1.0).abs() <= OFF_LENGTH {
+        return Ok(());
+    }
+    Err(Problem::bad_input(format!(
+        "expected a quaternion of unit length, found one of length {length:.3}"
+    )))
+}
+
 /// Time from sample to sample (s).
 fn period(arrived: &[Arrived]) -> Option<f64> {
     let slopes = |count: usize| {
         let spans = arrived.windows(count + 1).filter_map(move |span| {
-            let is_whole = span.iter().skip(1).all(|sample| sample.lost <= 0.0);
+            let follows = |sample: &Arrived| sample.lost <= 0.0 && !sample.is_new;
+            let is_whole = span.iter().skip(1).all(follows);
             let length = span.last()?.time - span.first()?.time;
             (is_whole && length > 0.0).then(|| length / count as f64)
         });
@@ -137,11 +159,17 @@ fn even(arrived: &mut [Arrived], period: f64) {
 fn filled(arrived: &[Arrived], period: f64) -> Result<Stream> {
     let (mut times, mut readings) = (Vec::new(), Vec::new());
     let mut turning = Turning::default();
+    let mut restarts = Vec::new();
     let (mut missing, mut added) = (0.0, 0);
     let [of_each, besides] = MOST_FILLED;
     for (place, sample) in arrived.iter().enumerate() {
-        let rate = turning.rate(sample.time, &sample.turn);
         let before = place.checked_sub(1).and_then(|before| arrived.get(before));
+        if sample.is_new {
+            // How it turned meanwhile is not known, not even whether it rested.
+            turning = Turning::default();
+            restarts.extend(before.map(|before| [before.time, sample.time]));
+        }
+        let rate = turning.rate(sample.time, &sample.turn);
         let (Some(before), Some(rate)) = (before, rate) else {
             continue;
         };
@@ -178,6 +206,7 @@ fn filled(arrived: &[Arrived], period: f64) -> Result<Stream> {
     stream.is_fused = true;
     // What was filled in is missing all the same.
     stream.lost = (stream.lost + missing / count).min(1.0);
+    stream.restarts = restarts;
     Ok(stream)
 }
 
@@ -202,6 +231,68 @@ mod tests {
         0.8 * (1.0 - (3.0 * since).cos())
     }
 
+    #[test]
+    fn quaternions_that_are_none_are_refused() {
+        let text = table(|_| 0.0, |_| false);
+        let (first, rest) = text.split_once("\n").unwrap();
+        let longer = rest.replace(",0,0,1,2,0,", ",0,1,1,2,0,");
+        let said = read(&format!("{first}\n{longer}"), &SensorRow::default()).unwrap_err();
+        let said = said.with_causes();
+        assert!(
+            said.contains("unit length, found one of length 1.414"),
+            "{said}"
+        );
+    }
+
+    /// The heading after a restart is another one, so that nothing is known of the turn over it.
+    #[test]
+    fn no_turn_and_no_rest_goes_over_a_restart() {
+        let text = table(|_| 0.0, |_| false);
+        let mut again = String::new();
+        for line in text.lines() {
+            let time: f64 = line.split(',').next().unwrap().parse().unwrap_or(0.0);
+            again += &match time {
+                // At rest all the time, with the same orientation before and after.
+                0.8..1.2 => continue,
+                1.2.. => line.strip_suffix(",0").unwrap().to_owned() + ",1\n",
+                _ => line.to_owned() + "\n",
+            };
+        }
+        let stream = read(&again, &SensorRow::default()).unwrap();
+        let [[last, first]] = stream.restarts[..] else {
+            panic!("{:?}", stream.restarts);
+        };
+        assert!(
+            (0.3..0.9).contains(&last) && (1.1..1.7).contains(&first),
+            "{last} {first}"
+        );
+        assert!(stream.at(1.0).is_none(), "it is not a rest");
+        // While it turns, the jump of the heading is no rate.
+        let turned = |line: &str| {
+            let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+            let time: f64 = cells[0].parse().unwrap_or(0.0);
+            if time > 5.0 {
+                let part = |k: usize| cells[k].parse::<f64>().unwrap();
+                let (w, x) = (part(1), part(2));
+                // A quarter turn about the vertical.
+                let half = core::f64::consts::FRAC_1_SQRT_2;
+                for (k, part) in [(1, w), (2, x), (3, x), (4, w)] {
+                    cells[k] = format!("{:.8}", half * part);
+                }
+                cells[10] = "1".to_owned();
+            }
+            cells.join(",") + "\n"
+        };
+        let jumped: String = text.lines().map(turned).collect();
+        let stream = read(&jumped, &SensorRow::default()).unwrap();
+        assert_eq!(stream.restarts.len(), 1);
+        let fastest = stream
+            .within([0.0, 10.0])
+            .map(|(_, own)| own.angular_velocity.norm());
+        let fastest = fastest.fold(0.0, f64::max);
+        assert!(fastest < 2.6, "{fastest}");
+    }
+
     /// What arrives of 100 samples a second, each late by `late` of its number (s); rows of which `is_lost` do not arrive, nor
     /// those that only repeat.
     fn table(late: impl Fn(u32) -> f64, is_lost: impl Fn(u32) -> bool) -> String {
@@ -219,7 +310,7 @@ mod tests {
                 continue;
             }
             arrival = arrival.max(time + 0.002 + late(k));
-            text += &format!("{arrival:.6},{cosine:.8},{sine:.8},0,0,1,2,0,{k},{lost}\n");
+            text += &format!("{arrival:.6},{cosine:.8},{sine:.8},0,0,1,2,0,{k},{lost},0\n");
             lost = 0;
         }
         text
@@ -296,7 +387,7 @@ mod tests {
         assert!(said.contains("times that rise"), "{said}");
         let mut long = text;
         for k in 0..2000 {
-            long += &format!("{}.5,1,0,0,0,0,0,0,5000,0\n", 20 + 50 * k + k * k % 9);
+            long += &format!("{}.5,1,0,0,0,0,0,0,5000,0,0\n", 20 + 50 * k + k * k % 9);
         }
         let stream = read(&long, &SensorRow::default()).unwrap();
         assert!(stream.within([0.0, 1e9]).count() < 100_000);

@@ -39,6 +39,9 @@ pub struct Columns {
     /// How many packets were lost since the sample before, for samples that arrived.
     #[serde(skip)]
     pub(super) lost: Option<String>,
+    /// How often the sensor had begun again, for samples that arrived.
+    #[serde(skip)]
+    pub(super) restarts: Option<String>,
 }
 
 pub(super) const fn one() -> f64 {
@@ -135,12 +138,25 @@ pub(super) fn columns_of(format: &str) -> Option<Columns> {
         specific_force_unit: ForceUnit::Si,
         arrived: false,
         lost: None,
+        restarts: None,
     })
 }
 
 /// The columns of tables of SlimeVR's trackers.
 fn slimevr() -> Columns {
-    let [time, w, x, y, z, along_x, along_y, along_z, _, lost] = COLUMNS.map(str::to_owned);
+    let [
+        time,
+        w,
+        x,
+        y,
+        z,
+        along_x,
+        along_y,
+        along_z,
+        _,
+        lost,
+        restarts,
+    ] = COLUMNS.map(str::to_owned);
     Columns {
         time: Some(time),
         counter: None,
@@ -154,6 +170,7 @@ fn slimevr() -> Columns {
         specific_force_unit: ForceUnit::Si,
         arrived: true,
         lost: Some(lost),
+        restarts: Some(restarts),
     }
 }
 

@@ -69,6 +69,31 @@ impl Doubts {
         }
     }
 
+    /// Sensors that began again between the first pose (s) and the end of the flight. Without the pelvis' direction none is
+    /// known.
+    pub(super) fn restarted(
+        &mut self,
+        mapping: &ImuMapping,
+        sensors: &[(Segment, &Stream)],
+        first_pose_s: f64,
+        flight: [f64; 2],
+    ) {
+        for (segment, stream) in sensors {
+            let is_between = |[last, first]: &&[f64; 2]| *first > first_pose_s && *last < flight[1];
+            let Some(when) = stream.restarts.iter().find(is_between) else {
+                continue;
+            };
+            let said = restarted(mapping, *segment, *when, flight[0]);
+            match segment {
+                Segment::Pelvis => {
+                    let all: Vec<Segment> = sensors.iter().map(|(segment, _)| *segment).collect();
+                    self.add(&all, said);
+                }
+                _ => self.add(&[*segment], said),
+            }
+        }
+    }
+
     pub(super) fn exchanged(&mut self, found: Option<Exchange>) {
         let Some(Exchange { pairs, why }) = found else {
             return;
@@ -216,4 +241,35 @@ impl Doubts {
             false => *deviation,
         })
     }
+}
+
+/// What to say of a sensor that began again after its last sample before (s) and the first after it.
+pub(super) fn restarted(
+    mapping: &ImuMapping,
+    segment: Segment,
+    [last, first]: [f64; 2],
+    begin: f64,
+) -> String {
+    let name = segment.name();
+    let file = mapping.sensors.get(name).and_then(|row| row.file.as_ref());
+    let file = file.map_or(String::new(), |file| format!(" ({})", file.display()));
+    let (what, next) = if last > begin {
+        // A moment before its last sample.
+        let end = (10.0 * last).floor() / 10.0;
+        (
+            format!(
+                "restarted at {first:.1} s, {:.1} s after the begin of the flight",
+                first - begin
+            ),
+            format!("end the flight before it, with end_s = {end:.1} in [flight]"),
+        )
+    } else {
+        (
+            format!(
+                "restarted at {first:.1} s, between the first pose of the calibration and the flight"
+            ),
+            "calibrate again after a tracker restarted".to_owned(),
+        )
+    };
+    format!("the tracker of {name}{file} {what}: its heading is another one from there on; {next}")
 }

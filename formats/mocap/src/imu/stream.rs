@@ -41,6 +41,8 @@ pub struct Stream {
     pub lost: f64,
     /// Whether its rates are turns of orientations by the sensor's own fusion, which has taken the bias off.
     pub is_fused: bool,
+    /// Where the sensor began again, with another heading: the last sample before and the first after (s).
+    pub restarts: Vec<[f64; 2]>,
 }
 
 /// What a column of forces holds.
@@ -63,6 +65,8 @@ pub(super) struct Places {
     kind: Force,
     /// Packets that were lost before the row.
     pub(super) lost: Option<usize>,
+    /// How often the sensor had begun again.
+    pub(super) restarts: Option<usize>,
     /// By how much an acceleration is turned about the sensor's Z (rad).
     force_turn: f64,
     /// Length of one unit of the time, or of one row (s).
@@ -125,6 +129,7 @@ impl Places {
             force: three(forces)?,
             kind,
             lost: columns.lost.as_ref().map(named).transpose()?,
+            restarts: columns.restarts.as_ref().map(named).transpose()?,
             force_turn: sensor.acceleration_turn_deg.to_radians(),
             units: [
                 columns.angular_velocity_unit.radians(),
@@ -137,6 +142,16 @@ impl Places {
     pub(super) fn turn(&self, table: &Table, row: usize) -> Option<UnitQuaternion<f64>> {
         let [w, x, y, z] = self.turn?.map(|column| table.value(row, column));
         Some(UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)))
+    }
+
+    /// The length of a row's quaternion; 1 if there is none.
+    pub(super) fn length(&self, table: &Table, row: usize) -> f64 {
+        let parts = self
+            .turn
+            .map(|turn| turn.map(|column| table.value(row, column)));
+        parts.map_or(1.0, |parts| {
+            parts.iter().map(|part| part * part).sum::<f64>().sqrt()
+        })
     }
 
     /// A row's specific force (m/s2, sensor axes); not finite if a number is missing.
@@ -267,6 +282,7 @@ impl Stream {
             lost: (1.0 - (times.len() as f64 - 1.0) * usual / span).max(0.0),
             jitter_s: (spread / count).sqrt(),
             rate_hz,
+            restarts: Vec::new(),
             times,
             readings,
             is_fused: false,
@@ -280,6 +296,7 @@ impl Stream {
             .times
             .iter_mut()
             .chain(self.gaps.iter_mut().map(|[begin, _]| begin))
+            .chain(self.restarts.iter_mut().flatten())
         {
             *time -= by;
         }

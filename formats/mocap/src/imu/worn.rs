@@ -12,7 +12,7 @@ use super::arrival;
 use super::calibration::{Calibrated, calibrated};
 use super::checks::{FirstPose, Joints};
 use super::clocks::{self, Late};
-use super::doubts::Doubts;
+use super::doubts::{Doubts, restarted};
 use super::exchange::Calibration;
 use super::mapping::ImuMapping;
 use super::mvnx;
@@ -102,8 +102,7 @@ pub fn worn(
         windows: &windows,
         body,
     };
-    let calibrated = calibrated(mapping, &windows, sensors, body)
-        .map_err(|problem| with_remedy(problem, ground.remedy(sensors)))?;
+    let calibrated = ready(&ground, sensors)?;
     let mut notes = calibrated.notes.clone();
     notes.extend(remarks(sensors));
     let mut doubts = Doubts::default();
@@ -111,6 +110,7 @@ pub fn worn(
     doubts.exchanged(ground.exchange(sensors, &calibrated.fitted));
     let in_tray = clocks::in_tray(&mapping.calibration.turns_s, sensors, &calibrated.fitted);
     let window = flight(mapping, sensors, &calibrated)?;
+    doubts.restarted(mapping, sensors, windows.upright[0], window);
     let rate_hz = common_rate(sensors);
     let count = frame_count(window, rate_hz)?;
     let mut suit = Box::new(
@@ -184,6 +184,27 @@ fn late_as_worn(suit: &Suit<f64, 16, { pairs_of(16) }>, clocks: &Clocks<f64, 16>
     let delays = suit.segments().zip(clocks.delays(suit));
     let known = delays.filter_map(|(segment, delay)| delay.map(|[by, off]| (segment, by, off)));
     clocks::worn(&known.collect::<Vec<_>>())
+}
+
+/// Calibrates the sensors. A refusal says what may be the reason: a sensor that began again after the begin of the first pose,
+/// since its heading is another one, or sensors that are exchanged.
+fn ready(ground: &Calibration<'_>, sensors: &[(Segment, &Stream)]) -> Result<Calibrated> {
+    let Calibration {
+        mapping,
+        windows,
+        body,
+    } = *ground;
+    let again = || {
+        sensors.iter().find_map(|(segment, stream)| {
+            let is_after = |[_, first]: &&[f64; 2]| *first > windows.upright[0];
+            let after = stream.restarts.iter().find(is_after)?;
+            Some(restarted(mapping, *segment, *after, f64::INFINITY))
+        })
+    };
+    calibrated(mapping, windows, sensors, body).map_err(|problem| match again() {
+        Some(said) => problem.help(said),
+        None => with_remedy(problem, ground.remedy(sensors)),
+    })
 }
 
 /// Adds to a refusal which exchange would explain it.

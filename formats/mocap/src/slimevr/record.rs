@@ -16,7 +16,7 @@ use super::tracker::{SensorState, Tracker};
 /// Name of the mapping.
 pub const MAPPING_FILE: &str = "mapping.toml";
 /// Columns of each table.
-pub const COLUMNS: [&str; 10] = [
+pub const COLUMNS: [&str; 11] = [
     "time_s",
     "q_w",
     "q_x",
@@ -27,6 +27,7 @@ pub const COLUMNS: [&str; 10] = [
     "acceleration_z_mps2",
     "packet",
     "lost_packets",
+    "restarts",
 ];
 /// Most tables.
 const MOST_TABLES: usize = 128;
@@ -122,7 +123,7 @@ impl Record {
                 .acceleration
                 .map_or(String::new(), |all| number(all[axis]))
         });
-        let counts = [sample.number, sample.lost].map(|count| count.to_string());
+        let counts = [sample.number, sample.lost, sample.restarts].map(|count| count.to_string());
         table.write_fields(
             core::iter::once(number(sample.time_s))
                 .chain(turned)
@@ -212,10 +213,11 @@ fn mapping<'a>(
         // Writing to a String cannot fail.
         let _ = writeln!(
             text,
-            "\n# {}: {}, {} samples\n{mark}[sensors.{name}]\n{mark}file = {file:?}",
+            "\n# {}: {}, {} samples{}\n{mark}[sensors.{name}]\n{mark}file = {file:?}",
             sensor_name(own, *sensor),
             sensor_type::name(state.sensor_type),
             state.samples,
+            own.restarted(),
         );
         if let Some(fusion) = fusion(state) {
             let _ = writeln!(text, "{mark}fusion = {fusion:?}");

@@ -3,7 +3,7 @@
 /// A sample of a sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// When its orientation arrived (s). Trackers do not say when they measured.
+    /// When its orientation arrived (s), or the first packet that overtook it. Trackers do not say when they measured.
     pub time_s: f64,
     /// A quaternion w, x, y, z from the tracker's axes to axes of which Z is up.
     pub orientation: [f64; 4],
@@ -13,6 +13,8 @@ pub struct Sample {
     pub number: u64,
     /// Packets of the tracker that were lost since this sensor's sample before.
     pub lost: u64,
+    /// Times the tracker had begun again before: its heading is another one each time.
+    pub restarts: u64,
 }
 
 /// A sample, and whose it is.

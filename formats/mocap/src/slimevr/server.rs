@@ -29,22 +29,23 @@ const FEATURES: u8 = 0b11;
 /// A datagram to send.
 pub type Reply = (SocketAddr, Vec<u8>);
 
-/// What arrived, apart from what each tracker sent.
+/// Datagrams that arrived apart from samples.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Counters {
     /// All datagrams.
-    pub datagrams: u64,
+    pub all: u64,
     /// Those that are none of a tracker.
     pub foreign: u64,
     /// Those of senders that had not introduced themselves.
     pub from_strangers: u64,
-    /// Trackers and sensors for which there was no place.
+    /// Trackers, sensors and samples for which there was no place.
     pub refused: u64,
     /// Packets that end too early.
     pub damaged: u64,
     /// Orientations and accelerations that are none.
     pub impossible: u64,
-    /// Packets of unknown types, by type.
+    /// Packets of types that are not known, by type.
     pub unknown_types: BTreeMap<u32, u64>,
 }
 
@@ -87,7 +88,7 @@ impl Server {
         samples: &mut Vec<Received>,
         replies: &mut Vec<Reply>,
     ) {
-        self.counters.datagrams += 1;
+        self.counters.all += 1;
         let Some(datagram) = Datagram::parse(bytes) else {
             self.counters.foreign += 1;
             return;
@@ -106,7 +107,6 @@ impl Server {
         let Some(own) = self.trackers.get_mut(tracker) else {
             return;
         };
-        let is_new = own.take_number(time, datagram.number);
         let mut complete = Vec::new();
         let most = replies.len() + MOST_REPLIES;
         for message in &datagram.messages {
@@ -124,10 +124,9 @@ impl Server {
                 _ => {}
             }
             replies.truncate(most);
-            if is_new && !own.take(datagram.number, time, message, &mut complete) {
-                self.counters.refused += 1;
-            }
         }
+        let Datagram { number, messages } = datagram;
+        self.counters.refused += own.take(time, number, messages, &mut complete);
         samples.extend(complete.into_iter().map(|(sensor, sample)| Received {
             tracker,
             sensor,
@@ -153,7 +152,7 @@ impl Server {
         }
     }
 
-    /// The samples that still wait for an acceleration, at the end.
+    /// The samples that still wait for packets before them or for an acceleration, at the end.
     pub fn ended(&mut self) -> Vec<Received> {
         let each = self.trackers.iter_mut().enumerate();
         let each = each.flat_map(|(tracker, own)| {
@@ -192,10 +191,14 @@ impl Server {
             Some(mac) => mac.map(|part| format!("{part:02X}")).join(":"),
             None => from.ip().to_string(),
         };
-        let known = self
-            .trackers
-            .iter()
-            .position(|tracker| tracker.name == name);
+        // One that sent before recorded traffic had its introduction is called by its address.
+        let is_known = |tracker: &Tracker| {
+            tracker.name == name
+                || self.takes_strangers
+                    && tracker.address == from
+                    && tracker.name == from.ip().to_string()
+        };
+        let known = self.trackers.iter().position(is_known);
         let Some(place) = known.or_else(|| self.room(time, &name, from)) else {
             self.counters.refused += 1;
             return;
@@ -203,6 +206,7 @@ impl Server {
         // Another tracker that had this address has it no more.
         for (other, tracker) in self.trackers.iter_mut().enumerate() {
             if other != place && tracker.address == from {
+                tracker.disturbed(time);
                 tracker.address = SocketAddr::from(([0, 0, 0, 0], 0));
             }
         }
@@ -352,9 +356,16 @@ mod tests {
             .collect();
         assert_eq!(
             got,
-            [(0, 0, 1, 0, true), (0, 0, 6, 2, true), (0, 1, 3, 0, false)]
+            [
+                (0, 0, 1, 0, true),
+                (0, 0, 5, 1, false),
+                (0, 0, 6, 0, true),
+                (0, 1, 3, 0, false)
+            ]
         );
         assert!((talk.samples[0].sample.time_s - 0.7).abs() < 1e-9);
+        // The sixth came before the fifth, which was sent no later.
+        assert!((talk.samples[1].sample.time_s - 0.8).abs() < 1e-9);
         let [first, second] = talk.server.trackers() else {
             panic!("two trackers");
         };
@@ -388,8 +399,53 @@ mod tests {
         }
         talk.samples.extend(talk.server.ended());
         assert_eq!((talk.server.trackers().len(), talk.samples.len()), (1, 19));
-        assert_eq!(talk.server.trackers()[0].lost(), 0);
+        let own = &talk.server.trackers()[0];
+        assert_eq!((own.lost(), own.restarts()), (0, 1));
+        assert_eq!(own.restarted_s, [8.5]);
+        let restarts: Vec<u64> = talk.samples.iter().map(|own| own.sample.restarts).collect();
+        assert_eq!(restarts, [[0; 10].as_slice(), &[1; 9]].concat());
         assert!((talk.server.trackers()[0].longest_silence_s - 7.0).abs() < 1e-9);
+        // One that had only lost its server goes on.
+        talk.say(20.0, address(3), &handshake([9; 6], 4));
+        talk.say(20.1, address(3), &rotation(10, 0));
+        assert_eq!(talk.server.trackers()[0].restarts(), 1);
+    }
+
+    /// Traffic that begins while trackers send: one that restarts is the same, though only then it says its name.
+    #[test]
+    fn a_tracker_that_introduces_itself_late_is_the_one_at_its_address() {
+        let mut talk = Talk {
+            server: Server::of_recorded(),
+            samples: Vec::new(),
+        };
+        for number in 1000..1010 {
+            talk.say(1.0, address(1), &rotation(number, 0));
+        }
+        talk.say(5.0, address(1), &handshake([9; 6], 4));
+        talk.say(5.1, address(1), &rotation(1, 0));
+        let [own] = talk.server.trackers() else {
+            panic!("one tracker");
+        };
+        assert_eq!((own.name.as_str(), own.restarts()), ("192.168.0.1", 1));
+        assert_eq!(own.handshake.protocol, 22);
+    }
+
+    #[test]
+    fn two_trackers_of_one_name_or_at_one_address_are_told() {
+        let doubled = |second: [u8; 6], from: u8, after: f64| {
+            let mut talk = Talk::default();
+            talk.say(0.0, address(1), &handshake([9; 6], 4));
+            for number in 1..200_u32 {
+                let time = 0.01 * f64::from(number);
+                talk.say(time, address(1), &rotation(u64::from(number), 0));
+            }
+            talk.say(2.0 + after, address(from), &handshake(second, 4));
+            talk.server.trackers()[0].is_doubled
+        };
+        assert!(doubled([9; 6], 2, 0.1) && doubled([8; 6], 1, 0.1));
+        // Another one elsewhere, the same again, and one that has got another address meanwhile.
+        assert!(!doubled([8; 6], 2, 0.1) && !doubled([9; 6], 1, 0.1));
+        assert!(!doubled([9; 6], 2, 5.0) && !doubled([8; 6], 1, 5.0));
     }
 
     #[test]
@@ -435,6 +491,42 @@ mod tests {
     }
 
     proptest! {
+        /// A network that delays packets by up to a tenth of a second and sends some twice costs no sample.
+        #[test]
+        fn packets_out_of_order_cost_no_sample(seed in 0_u32..1000, twice in 1_u32..9) {
+            let mixed = |k: u32| (k ^ (seed << 8)).wrapping_mul(2_654_435_761) >> 16 & 0xFF;
+            let mut sent = Vec::new();
+            for k in 1..600_u32 {
+                let number = 2 * u64::from(k);
+                for (number, bytes) in [(number, rotation(number, 0)), (number + 1, acceleration(number + 1, 0))] {
+                    let time = 0.005 * number as f64;
+                    let delay = |by: u32| 1e-3 * f64::from(mixed(k ^ by) % 100);
+                    let by = u32::from(number % 2 == 0);
+                    sent.push((time + delay(by), bytes.clone()));
+                    if k % twice == 0 {
+                        sent.push((time + delay(by + 77), bytes));
+                    }
+                }
+            }
+            sent.sort_by(|one, other| one.0.total_cmp(&other.0));
+            let mut talk = Talk::default();
+            talk.say(0.0, address(1), &handshake([9; 6], 4));
+            // The first packet that arrives is the first one: what was before is not known.
+            talk.say(0.0, address(1), &rotation(1, 0));
+            for (time, bytes) in &sent {
+                talk.say(*time, address(1), bytes);
+            }
+            talk.samples.extend(talk.server.ended());
+            let numbers: Vec<u64> = talk.samples.iter().map(|own| own.sample.number).collect();
+            let expected: Vec<u64> = core::iter::once(1).chain((1..600).map(|k| 2 * k)).collect();
+            prop_assert_eq!(numbers, expected);
+            prop_assert!(talk.samples.iter().skip(1).all(|own| own.sample.acceleration.is_some() && own.sample.lost == 0));
+            let times: Vec<f64> = talk.samples.iter().map(|own| own.sample.time_s).collect();
+            prop_assert!(times.windows(2).all(|pair| pair[0] <= pair[1]));
+            let own = &talk.server.trackers()[0];
+            prop_assert_eq!((own.received(), own.lost(), own.restarts(), own.unused), (1199, 0, 0, 0));
+        }
+
         #[test]
         fn no_datagrams_stop_it(
             steps in prop::collection::vec((0_u8..4, 0_u32..110, 0_u64..80, any::<Vec<u8>>()), 0..60),
@@ -450,6 +542,12 @@ mod tests {
                 talk.server.tick(time, &mut Vec::new());
             }
             talk.samples.extend(talk.server.ended());
+            // Import refuses tables whose times fall.
+            let mut latest = BTreeMap::new();
+            for Received { tracker, sensor, sample } in &talk.samples {
+                let before = latest.insert((tracker, sensor), sample.time_s);
+                prop_assert!(before.is_none_or(|before| before <= sample.time_s));
+            }
             let sampled: u64 = talk.server.trackers().iter().map(Tracker::samples).sum();
             prop_assert_eq!(sampled, talk.samples.len() as u64);
         }

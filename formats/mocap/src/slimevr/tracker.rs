@@ -6,11 +6,14 @@ use std::net::SocketAddr;
 use super::numbers::{Numbers, Order};
 use super::packet::{Handshake, Message};
 use super::sample::Sample;
+use super::sorted::{Due, Sorter};
 
 /// Silence from which a tracker is named (s).
 pub(super) const SILENCE: f64 = 1.0;
 /// Most sensors of a tracker: gloves have ten.
 const MOST_SENSORS: usize = 16;
+/// Most times of restarts that are kept.
+const MOST_RESTARTS: usize = 16;
 
 /// A tracker on the network.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,11 +34,18 @@ pub struct Tracker {
     pub errors: (u64, u8),
     /// Longest time in which nothing came from it (s).
     pub longest_silence_s: f64,
+    /// When the first packet came after each of its first restarts (s).
+    pub restarted_s: Vec<f64>,
+    /// Packets that came after later ones had had their turn, so that their content is not used.
+    pub unused: u64,
+    /// Whether another tracker introduced itself from its address, or by its name from another one, while it was heard.
+    pub is_doubled: bool,
     /// When it last introduced itself (s).
     pub(super) greeted_s: f64,
     /// When the last packet came (s).
     heard_s: f64,
     numbers: Numbers,
+    sorter: Sorter,
     /// The question that is on its way, and since when (s).
     asked: Option<([u8; 4], f64)>,
 }
@@ -55,8 +65,8 @@ pub struct SensorState {
     pub span_s: Option<[f64; 2]>,
     /// A sample whose acceleration may still come.
     waiting: Option<Sample>,
-    /// Lost packets of the tracker when the last sample came.
-    lost: u64,
+    /// Missed packets of the tracker when the last sample came.
+    missed: u64,
 }
 
 impl Tracker {
@@ -70,9 +80,13 @@ impl Tracker {
             battery_v: None,
             errors: (0, 0),
             longest_silence_s: 0.0,
+            restarted_s: Vec::new(),
+            unused: 0,
+            is_doubled: false,
             greeted_s: time,
             heard_s: time,
             numbers: Numbers::default(),
+            sorter: Sorter::default(),
             asked: None,
         }
     }
@@ -92,9 +106,22 @@ impl Tracker {
         [self.numbers.late, self.numbers.repeated]
     }
 
-    /// Times its numbers began again.
+    /// Times it restarted: its numbers began again.
     pub fn restarts(&self) -> u64 {
         self.numbers.restarts
+    }
+
+    /// When it restarted, as the end of a sentence; empty if it did not.
+    pub fn restarted(&self) -> String {
+        let times = self.restarted_s.iter().map(|time| format!("{time:.1} s"));
+        let times: Vec<String> = times.collect();
+        match (self.restarts(), self.restarted_s.len() as u64) {
+            (0, _) => String::new(),
+            (all, told) if all > told => {
+                format!(", restarted {all} times, first at {}", times.join(", "))
+            }
+            _ => format!(", restarted at {}", times.join(", ")),
+        }
     }
 
     /// Samples of all sensors.
@@ -109,8 +136,11 @@ impl Tracker {
 
     /// It introduced itself at a time (s).
     pub(super) fn greet(&mut self, time: f64, address: SocketAddr, handshake: Handshake) {
+        if address.ip() != self.address.ip() {
+            self.disturbed(time);
+        }
         if self.numbers.received > 0 && time - self.greeted_s > SILENCE {
-            self.numbers.begin_again();
+            self.numbers.greeted();
         }
         if let Ok(sensor_type) = u8::try_from(handshake.sensor_type)
             && let Some(first) = self.sensor(0)
@@ -122,71 +152,75 @@ impl Tracker {
         self.heard(time);
     }
 
+    /// Another tracker, or the same after it was silent, takes its name or its address at a time (s).
+    pub(super) fn disturbed(&mut self, time: f64) {
+        self.is_doubled |= self.silent_s(time) < SILENCE;
+    }
+
     /// Notes that something came; silence is measured between such times.
     fn heard(&mut self, time: f64) {
         self.longest_silence_s = self.longest_silence_s.max(time - self.heard_s);
         self.heard_s = time;
     }
 
-    /// Takes the number of a packet; returns whether its content is new.
-    pub(super) fn take_number(&mut self, time: f64, number: u64) -> bool {
-        self.heard(time);
-        self.numbers.take(number) == Order::Next
-    }
-
-    /// Takes a message; samples that are complete go to `into`. Returns whether there was room for its sensor.
+    /// Takes a packet; samples that are complete go to `into`. Returns for how many messages there was no room for a sensor.
     pub(super) fn take(
         &mut self,
-        number: u64,
         time: f64,
-        message: &Message,
+        number: u64,
+        messages: Vec<Message>,
         into: &mut Vec<(u8, Sample)>,
-    ) -> bool {
-        let lost = self.numbers.lost;
+    ) -> u64 {
+        self.heard(time);
+        let restarts = self.numbers.restarts;
+        if self.numbers.take(number) == Order::Repeated {
+            return 0;
+        }
+        let mut refused = 0;
+        if self.numbers.restarts != restarts {
+            // What waits is of before.
+            refused += self.release(f64::INFINITY, restarts, into);
+            into.extend(self.without_acceleration());
+            self.sorter.begin_again();
+            if self.restarted_s.len() < MOST_RESTARTS {
+                self.restarted_s.push(time);
+            }
+        }
+        let restarts = self.numbers.restarts;
+        let (samples, others): (Vec<Message>, Vec<Message>) =
+            messages.into_iter().partition(is_of_a_sample);
+        refused += others
+            .iter()
+            .map(|other| self.told(time, other))
+            .sum::<u64>();
+        if number != 0 {
+            if !self.sorter.push(number, time, samples) {
+                self.unused += 1;
+            }
+        } else if !samples.is_empty() {
+            refused += self.release(f64::INFINITY, restarts, into);
+            let own = Due {
+                number,
+                time_s: time,
+                messages: samples,
+            };
+            refused += self.sampled(&own, restarts, into);
+        }
+        refused + self.release(time, restarts, into)
+    }
+
+    /// Takes the packets whose turn it is at a time (s).
+    fn release(&mut self, time: f64, restarts: u64, into: &mut Vec<(u8, Sample)>) -> u64 {
+        let mut refused = 0;
+        while let Some(due) = self.sorter.next(time) {
+            refused += self.sampled(&due, restarts, into);
+        }
+        refused
+    }
+
+    /// Takes what does not wait for packets before it; returns 1 if there was no room for its sensor.
+    fn told(&mut self, time: f64, message: &Message) -> u64 {
         match *message {
-            Message::Rotation {
-                sensor,
-                orientation,
-                acceleration,
-            } => {
-                let Some(own) = self.sensor(sensor) else {
-                    return false;
-                };
-                into.extend(
-                    own.waiting
-                        .take()
-                        .map(|sample| (sensor, own.counted(sample))),
-                );
-                let sample = Sample {
-                    time_s: time,
-                    orientation,
-                    acceleration,
-                    number,
-                    lost: lost.saturating_sub(own.lost),
-                };
-                own.lost = lost;
-                if acceleration.is_some() {
-                    into.push((sensor, own.counted(sample)));
-                } else {
-                    own.waiting = Some(sample);
-                }
-            }
-            Message::Acceleration {
-                sensor,
-                acceleration,
-            } => {
-                let Some(own) = self.sensor(sensor) else {
-                    return false;
-                };
-                if let Some(sample) = own.waiting.take() {
-                    let acceleration = Some(acceleration);
-                    let whole = Sample {
-                        acceleration,
-                        ..sample
-                    };
-                    into.push((sensor, own.counted(whole)));
-                }
-            }
             Message::SensorInfo {
                 sensor,
                 sensor_type,
@@ -195,7 +229,7 @@ impl Tracker {
                 ..
             } if is_inertial => {
                 let Some(own) = self.sensor(sensor) else {
-                    return false;
+                    return 1;
                 };
                 own.sensor_type = sensor_type;
                 own.has_magnetometer = has_magnetometer;
@@ -207,11 +241,73 @@ impl Tracker {
             Message::Pong(question) => self.answered(question, time),
             _ => {}
         }
-        true
+        0
     }
 
-    /// The samples that still wait for an acceleration, at the end.
+    /// Takes the orientations and accelerations of a packet; returns for how many there was no room for their sensor.
+    fn sampled(&mut self, due: &Due, restarts: u64, into: &mut Vec<(u8, Sample)>) -> u64 {
+        let missed = self.sorter.missed;
+        let mut refused = 0;
+        for message in &due.messages {
+            match *message {
+                Message::Rotation {
+                    sensor,
+                    orientation,
+                    acceleration,
+                } => {
+                    let Some(own) = self.sensor(sensor) else {
+                        refused += 1;
+                        continue;
+                    };
+                    let sample = Sample {
+                        time_s: due.time_s,
+                        orientation,
+                        acceleration,
+                        number: due.number,
+                        lost: missed.saturating_sub(own.missed),
+                        restarts,
+                    };
+                    own.missed = missed;
+                    let before = own.waiting.replace(sample);
+                    into.extend(before.map(|sample| (sensor, own.counted(sample))));
+                    if acceleration.is_some() {
+                        let whole = own.waiting.take();
+                        into.extend(whole.map(|sample| (sensor, own.counted(sample))));
+                    }
+                }
+                Message::Acceleration {
+                    sensor,
+                    acceleration,
+                } => {
+                    let Some(own) = self.sensor(sensor) else {
+                        refused += 1;
+                        continue;
+                    };
+                    if let Some(sample) = own.waiting.take() {
+                        let acceleration = Some(acceleration);
+                        let whole = Sample {
+                            acceleration,
+                            ..sample
+                        };
+                        into.push((sensor, own.counted(whole)));
+                    }
+                }
+                _ => {}
+            }
+        }
+        refused
+    }
+
+    /// The samples that still wait, at the end.
     pub(super) fn ended(&mut self) -> Vec<(u8, Sample)> {
+        let mut samples = Vec::new();
+        self.release(f64::INFINITY, self.numbers.restarts, &mut samples);
+        samples.extend(self.without_acceleration());
+        samples
+    }
+
+    /// The samples whose acceleration will not come.
+    fn without_acceleration(&mut self) -> Vec<(u8, Sample)> {
         let each = self.sensors.iter_mut().filter_map(|(number, sensor)| {
             let sample = sensor.waiting.take()?;
             Some((*number, sensor.counted(sample)))
@@ -237,6 +333,14 @@ impl Tracker {
         }
         Some(self.sensors.entry(number).or_default())
     }
+}
+
+/// Whether a message is an orientation or an acceleration.
+fn is_of_a_sample(message: &Message) -> bool {
+    matches!(
+        message,
+        Message::Rotation { .. } | Message::Acceleration { .. }
+    )
 }
 
 impl SensorState {

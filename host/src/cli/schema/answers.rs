@@ -17,7 +17,7 @@ use super::super::{airborne, estimate, figures, hide, unit, view};
 /// A name, and the schema of the verb's answer.
 type Row = (&'static str, fn() -> Value);
 
-/// Verbs that answer with one value.
+/// Verbs that answer with one value, and one that answers with lines.
 const ANSWERS: &[Row] = &[
     ("airborne", answer::<verbs::airborne::Report>),
     ("airborne-several", answer::<airborne::Set>),
@@ -58,6 +58,8 @@ const ANSWERS: &[Row] = &[
         "simulate-what-if-several",
         answer::<Several<verbs::simulate::what_if::Report>>,
     ),
+    ("slimevr-listen", plain::<verbs::slimevr::Line>),
+    ("slimevr-read", answer::<verbs::slimevr::Report>),
     ("stream", answer::<stream::report::Report>),
     (
         "stream-sensor",
