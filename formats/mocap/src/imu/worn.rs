@@ -8,6 +8,7 @@ use bodyflight_core::{Body, Posture, Segment, SegmentArray};
 use bodyflight_io::diagnostic::{Problem, Result};
 use nalgebra::Vector3;
 
+use super::arc::Arcs;
 use super::arrival;
 use super::calibration::{Calibrated, calibrated};
 use super::checks::{FirstPose, Joints};
@@ -120,6 +121,7 @@ pub fn worn(
     let mut clocks = Clocks::default();
     let mut first_pose = FirstPose::new(calibrated.pelvis_up);
     let mut joints = Joints::new();
+    let mut arcs = Arcs::new();
     let mut readings = vec![None; sensors.len()];
     let mut frames = Vec::new();
     let mut squares = SegmentArray::from_fn(|_| 0.0);
@@ -132,6 +134,9 @@ pub fn worn(
         }
         suit.set_on_ground(frame < 0.0);
         suit.push(&readings, 1.0 / rate_hz);
+        arcs.take(frame / rate_hz, 1.0 / rate_hz, frame >= 0.0, |arm| {
+            suit.felt(arm)
+        });
         if frame < 0.0 {
             clocks.take(&suit, 1.0 / rate_hz);
             if time > calibrated.end_s {
@@ -154,6 +159,7 @@ pub fn worn(
     doubts.moved(&first_pose.moved);
     doubts.read(mapping, sensors, window);
     doubts.failed(suit.faults());
+    doubts.turned(arcs.turned());
     doubts.bent(&joints.bent);
     notes.extend(doubts.ended(early(mapping, sensors), mapping.flight.end_s.is_some()));
     let flown = frames.len().max(1) as f64;
