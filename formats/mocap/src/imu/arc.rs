@@ -14,6 +14,7 @@ use std::collections::VecDeque;
 
 use bodyflight_core::Segment;
 use bodyflight_core::suit::joint::Felt;
+use bodyflight_core::suit::set::{Suit, pairs_of};
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Vector2, Vector3};
 
 /// The segments that are watched.
@@ -131,20 +132,15 @@ impl Arcs {
         }
     }
 
-    /// Takes what the sensors of the arms and their neighbours feel at a time (s), `step` (s) after the last; what turns is told in
-    /// the flight.
-    pub(super) fn take(
-        &mut self,
-        time: f64,
-        step: f64,
-        is_flying: bool,
-        felt: impl Fn(Segment) -> Option<[Felt<f64>; 2]>,
-    ) {
+    /// Takes what the sensors of the arms and their neighbours feel at a time of the flight (s), negative before it, `step` (s) after
+    /// the last.
+    pub(super) fn take(&mut self, time: f64, step: f64, suit: &Suit<f64, 16, { pairs_of(16) }>) {
+        let is_flying = time >= 0.0;
         for (segment, arm) in ARMS.into_iter().zip(&mut self.arms) {
             if is_flying && !self.is_flying {
                 arm.fly();
             }
-            arm.take(time, step, felt(segment), is_flying);
+            arm.take(time, step, suit.felt(segment), is_flying);
         }
         self.is_flying = is_flying;
     }

@@ -120,8 +120,7 @@ pub fn worn(
     );
     let mut clocks = Clocks::default();
     let mut first_pose = FirstPose::new(calibrated.pelvis_up);
-    let mut joints = Joints::new();
-    let mut arcs = Arcs::new();
+    let (mut joints, mut arcs) = (Joints::new(), Arcs::new());
     let mut readings = vec![None; sensors.len()];
     let mut frames = Vec::new();
     let mut squares = SegmentArray::from_fn(|_| 0.0);
@@ -134,9 +133,7 @@ pub fn worn(
         }
         suit.set_on_ground(frame < 0.0);
         suit.push(&readings, 1.0 / rate_hz);
-        arcs.take(frame / rate_hz, 1.0 / rate_hz, frame >= 0.0, |arm| {
-            suit.felt(arm)
-        });
+        arcs.take(frame / rate_hz, 1.0 / rate_hz, &suit);
         if frame < 0.0 {
             clocks.take(&suit, 1.0 / rate_hz);
             if time > calibrated.end_s {
@@ -145,9 +142,7 @@ pub fn worn(
         } else {
             let posture = suit.posture();
             joints.take(frame / rate_hz, 1.0 / rate_hz, &posture);
-            for (segment, orientation) in posture.orientations.iter() {
-                squares[segment] += orientation.deviation().powi(2);
-            }
+            add(&mut squares, &posture);
             frames.push((frame / rate_hz, posture));
             if frames.len() % 1000 == 0 {
                 progress(frame / count)?;
@@ -173,6 +168,13 @@ pub fn worn(
         frames,
         notes,
     })
+}
+
+/// Adds the variances of a posture.
+fn add(squares: &mut SegmentArray<f64>, posture: &SuitPosture<f64>) {
+    for (segment, orientation) in posture.orientations.iter() {
+        squares[segment] += orientation.deviation().powi(2);
+    }
 }
 
 /// Frames after the first within a window (s).
