@@ -1,6 +1,8 @@
 //! Postures from raw sensors on the limbs, against the truth of simulated falls and of recordings.
 #![expect(clippy::expect_used, reason = "tests may panic: that is how they fail")]
 
+#[path = "suit/arms.rs"]
+mod arms;
 #[path = "suit/bars.rs"]
 mod bars;
 #[path = "suit/faults.rs"]

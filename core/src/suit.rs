@@ -12,6 +12,7 @@
 
 pub mod clock;
 pub mod fill;
+pub mod joint;
 pub mod mounting;
 pub mod placement;
 pub mod range;

@@ -65,16 +65,16 @@ const CASES: [Case; 24] = [
         Fault::Exchanged(LeftUpperArm),
         &["files of thorax and l_upperarm exchanged"],
     ),
-    case(RightThigh, Fault::Reversed(-6.0), &["r_thigh is 1"]),
-    case(LeftForearm, Fault::Reversed(-6.0), &["l_forearm is 1"]),
+    case(RightThigh, Fault::Reversed(-6.0, 0.3), &["r_thigh is 1"]),
+    case(LeftForearm, Fault::Reversed(-6.0, 0.3), &["l_forearm is 1"]),
     case(
         Pelvis,
-        Fault::Reversed(-6.0),
+        Fault::Reversed(-6.0, 0.3),
         &["pelvis is turned to its neighbours", "bends from pelvis"],
     ),
     case(
         LeftThigh,
-        Fault::Reversed(3.0),
+        Fault::Reversed(3.0, 0.3),
         &[
             "l_thigh is turned to its neighbours",
             "bends from l_thigh",

@@ -44,6 +44,10 @@ impl<T: Real> Link<T> {
         self.parent.into()
     }
 
+    pub(super) fn is_far(&self) -> bool {
+        self.is_far
+    }
+
     /// Further share of the force that the lever arms cause.
     pub(super) fn lever(&self) -> T {
         T::single(if self.is_far { FAR_LEVER } else { LEVER })

@@ -4,6 +4,7 @@
 //! clock, and [`worn`] finds bias, scale and mounting of each, looks for sensors that are exchanged, late or turned, and runs
 //! the suit of the core over all of it.
 
+mod arc;
 mod arrival;
 mod calibration;
 mod checks;

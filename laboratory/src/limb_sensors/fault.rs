@@ -12,8 +12,8 @@ use super::errors::Row;
 pub enum Fault {
     /// It is worn where another sensor should be, and that one in its place.
     Exchanged(Segment),
-    /// It is turned end for end at this time.
-    Reversed(f64),
+    /// It is turned end for end from this time on, within a duration (s).
+    Reversed(f64, f64),
     /// It turns about the segment from this time on, by an angle (rad), as a strap does.
     Slipped(f64, f64),
     /// No samples from this time on.
@@ -42,7 +42,7 @@ const NAMES: [(&str, &str, f64, [f64; 2]); 6] = [
 ];
 /// Angle of a slip (rad).
 const SLIP: f64 = 1.2;
-/// Time that a slip takes (s).
+/// Time that a slip, and usually a turn end for end, takes (s).
 const SLIPPING: f64 = 0.3;
 
 impl Fault {
@@ -93,7 +93,7 @@ impl Fault {
                 })?,
         };
         let fault = match name {
-            "reversed" => Self::Reversed(number),
+            "reversed" => Self::Reversed(number, SLIPPING),
             "slipped" => Self::Slipped(number, SLIP),
             "dead" => Self::Dead(number),
             "saturated" => Self::Saturated(number.to_radians()),
@@ -105,12 +105,12 @@ impl Fault {
 
     /// How far the sensor has turned on its segment at a time of the flight (s), in the segment's axes.
     pub(super) fn turn(self, time: f64) -> UnitQuaternion<f64> {
-        let (axis, from, angle) = match self {
-            Self::Slipped(from, angle) => (Vector3::z(), from, angle),
-            Self::Reversed(from) => (Vector3::y(), from, std::f64::consts::PI),
+        let (axis, from, duration, angle) = match self {
+            Self::Slipped(from, angle) => (Vector3::z(), from, SLIPPING, angle),
+            Self::Reversed(from, duration) => (Vector3::y(), from, duration, std::f64::consts::PI),
             _ => return UnitQuaternion::identity(),
         };
-        let share = ((time - from) / SLIPPING).clamp(0.0, 1.0);
+        let share = ((time - from) / duration).clamp(0.0, 1.0);
         rotation_by(&(axis * (angle * share * share * (3.0 - 2.0 * share))))
     }
 

@@ -3,6 +3,7 @@
 use bodyflight_core::suit::watch::Fault;
 use bodyflight_core::{Segment, SegmentArray};
 
+use super::arc::Turned;
 use super::checks::Bent;
 use super::clocks::Late;
 use super::exchange::Exchange;
@@ -208,6 +209,22 @@ impl Doubts {
         Some(format!(
             "the sensor pelvis ends {early_s:.1} s before the others, and the flight with it: if it was not over by then, the sensor died"
         ))
+    }
+
+    /// Sensors that turned on the spot.
+    pub(super) fn turned(&mut self, found: impl Iterator<Item = (Segment, Turned)>) {
+        for (segment, turned) in found {
+            if self.concerns(segment) {
+                continue;
+            }
+            let name = segment.name();
+            self.add(&[segment], format!(
+                "at {:.1} s of the flight the sensor {name} turns by {:.0} degrees, and what it feels of the arc on which that would swing it is {:.0} %: it turned on its segment; fasten it and calibrate again",
+                turned.begin_s,
+                turned.by.to_degrees(),
+                100.0 * turned.share.max(0.0)
+            ));
+        }
     }
 
     /// Joints beyond their range. A sensor that is part of two of them is the one that moved.

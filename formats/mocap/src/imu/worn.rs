@@ -8,6 +8,7 @@ use bodyflight_core::{Body, Posture, Segment, SegmentArray};
 use bodyflight_io::diagnostic::{Problem, Result};
 use nalgebra::Vector3;
 
+use super::arc::Arcs;
 use super::arrival;
 use super::calibration::{Calibrated, calibrated};
 use super::checks::{FirstPose, Joints};
@@ -119,7 +120,7 @@ pub fn worn(
     );
     let mut clocks = Clocks::default();
     let mut first_pose = FirstPose::new(calibrated.pelvis_up);
-    let mut joints = Joints::new();
+    let (mut joints, mut arcs) = (Joints::new(), Arcs::new());
     let mut readings = vec![None; sensors.len()];
     let mut frames = Vec::new();
     let mut squares = SegmentArray::from_fn(|_| 0.0);
@@ -132,6 +133,7 @@ pub fn worn(
         }
         suit.set_on_ground(frame < 0.0);
         suit.push(&readings, 1.0 / rate_hz);
+        arcs.take(frame / rate_hz, 1.0 / rate_hz, &suit);
         if frame < 0.0 {
             clocks.take(&suit, 1.0 / rate_hz);
             if time > calibrated.end_s {
@@ -140,9 +142,7 @@ pub fn worn(
         } else {
             let posture = suit.posture();
             joints.take(frame / rate_hz, 1.0 / rate_hz, &posture);
-            for (segment, orientation) in posture.orientations.iter() {
-                squares[segment] += orientation.deviation().powi(2);
-            }
+            add(&mut squares, &posture);
             frames.push((frame / rate_hz, posture));
             if frames.len() % 1000 == 0 {
                 progress(frame / count)?;
@@ -154,6 +154,7 @@ pub fn worn(
     doubts.moved(&first_pose.moved);
     doubts.read(mapping, sensors, window);
     doubts.failed(suit.faults());
+    doubts.turned(arcs.turned());
     doubts.bent(&joints.bent);
     notes.extend(doubts.ended(early(mapping, sensors), mapping.flight.end_s.is_some()));
     let flown = frames.len().max(1) as f64;
@@ -167,6 +168,13 @@ pub fn worn(
         frames,
         notes,
     })
+}
+
+/// Adds the variances of a posture.
+fn add(squares: &mut SegmentArray<f64>, posture: &SuitPosture<f64>) {
+    for (segment, orientation) in posture.orientations.iter() {
+        squares[segment] += orientation.deviation().powi(2);
+    }
 }
 
 /// Frames after the first within a window (s).
