@@ -9,7 +9,7 @@ use super::packet::Message;
 /// quarter of one are no more followed by who reads the record.
 const PATIENCE: f64 = 0.2;
 /// Most packets that wait: of later ones it is not known any more which of those before are missing.
-const MOST_WAITING: usize = REMEMBERED as usize;
+const MOST_WAITING: u64 = REMEMBERED;
 /// Most messages in packets that wait: a usual one has two for each of at most sixteen sensors.
 const MOST_MESSAGES: usize = 2048;
 
@@ -54,7 +54,7 @@ impl Sorter {
         let before = self.last.map_or(0, |last| number - last - 1);
         let is_due = before == 0
             || time_s - first_s > PATIENCE
-            || self.waiting.len() > MOST_WAITING
+            || self.waiting.len() as u64 > MOST_WAITING
             || self.messages > MOST_MESSAGES;
         if !is_due {
             return None;
@@ -122,7 +122,7 @@ mod tests {
         turns(&mut sorter, &[(1, 0.0)]);
         for number in 0..1000 {
             turns(&mut sorter, &[(3 + 2 * number, 0.001)]);
-            assert!(sorter.waiting.len() <= MOST_WAITING);
+            assert!(sorter.waiting.len() as u64 <= MOST_WAITING);
         }
         let large = vec![Message::Heartbeat; 10 * MOST_MESSAGES];
         sorter.push(100_000, 0.002, large);

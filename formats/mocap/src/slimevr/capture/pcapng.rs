@@ -62,7 +62,7 @@ impl Blocks {
                 self.interfaces.clear();
             }
             let length = number(&head, 4, self.is_little);
-            if !(12..=LONGEST).contains(&length) || length % 4 != 0 {
+            if !(12..=LONGEST).contains(&length) || !length.is_multiple_of(4) {
                 return Ok(Next::Damaged(length));
             }
             // The head has the first four bytes of the content, and the length follows it.
