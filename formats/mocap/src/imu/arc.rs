@@ -262,10 +262,9 @@ fn share(pieces: impl Iterator<Item = [Vector3<f64>; 3]> + Clone) -> Option<[f64
 }
 
 #[cfg(test)]
-mod recorded;
-
-#[cfg(test)]
 mod tests {
+    mod recorded;
+
     use bodyflight_core::air::STANDARD_GRAVITY;
     use nalgebra::UnitQuaternion;
 
