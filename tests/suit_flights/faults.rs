@@ -132,6 +132,9 @@ fn the_table_of_faults() {
         let given = std::env::var(name).ok();
         given.map_or(usual, |given| given.parse().expect("a number"))
     };
+    // One fault alone, as `synth` calls it.
+    let only = std::env::var("BODYFLIGHT_SUIT_FAULT").ok();
+    let is_asked = |fault: &str| only.as_ref().is_none_or(|only| only == fault);
     let first = number("BODYFLIGHT_SUIT_FIRST", 5100);
     let seeds: Vec<u64> = (first..first + number("BODYFLIGHT_SUIT_FLIGHTS", 20)).collect();
     let table = Mutex::new([[Cell::default(); PLACES.len()]; FAULTS.len()]);
@@ -150,7 +153,8 @@ fn the_table_of_faults() {
                         without.0 += usize::from(good.is_doubted);
                         without.1.add(&good, &good);
                     }
-                    for (row, [fault, _]) in FAULTS.iter().enumerate() {
+                    let faults = FAULTS.iter().enumerate();
+                    for (row, [fault, _]) in faults.filter(|(_, [fault, _])| is_asked(fault)) {
                         for (place, sensors) in PLACES.iter().enumerate() {
                             let [own, other] = sensors[turn % sensors.len()];
                             let (fault, names) = match *fault {

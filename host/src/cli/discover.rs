@@ -181,7 +181,7 @@ fn print_detectable(report: &Report, explain: bool) {
     if !explain || shown.is_empty() {
         return;
     }
-    terminal::print("would be named in 19 of 20 such flights if a parameter differed by:");
+    terminal::print("to first order, named in 19 of 20 such flights if a parameter differs by:");
     for effect in shown {
         let each = effect.least.iter().map(|(name, least)| match least {
             Some(least) => format!("{name} {least:.*}", if *least < 0.1 { 3 } else { 2 }),
