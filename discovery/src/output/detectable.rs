@@ -1,5 +1,5 @@
-//! What the flights would have shown: how strong an effect must be to be named in them. An effect that is not named is
-//! absent only as far as it would have been seen.
+//! What the flights would have shown: how strong an effect must be to gain what a name needs. An effect that is not named
+//! is absent only as far as it would have been seen.
 
 use crate::named_effect::EffectSet;
 use bodyflight_core::effect::{Effect, Parameter};
@@ -16,14 +16,14 @@ use crate::progress::Progress;
 /// Standard deviations of an estimate that 19 of 20 normal errors do not fall below.
 const NINETEEN_OF_TWENTY: f64 = 1.645;
 
-/// How strong an effect must be for flights like these to name it.
+/// How strong an effect must be for flights like these to show it, itself or as one of several that they cannot tell apart.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Detectable {
     /// Name of the effect.
     pub name: &'static str,
-    /// By parameter, the least distance from its neutral value with which the effect would be named in 19 of 20 such
-    /// flights while its other parameters are neutral, to first order; null if that is beyond the plausible range.
+    /// By parameter, the least distance from its neutral value with which 19 of 20 such flights show the effect while its other
+    /// parameters are neutral, to first order; null if that is beyond the plausible range.
     #[serde(serialize_with = "as_map")]
     #[cfg_attr(
         feature = "schema",
@@ -33,7 +33,7 @@ pub struct Detectable {
 }
 
 impl Detectable {
-    /// Whether a single parameter within its plausible range is enough for a name.
+    /// Whether a single parameter within its plausible range is enough.
     pub fn is_possible(&self) -> bool {
         self.least.iter().any(|(_, least)| least.is_some())
     }

@@ -181,7 +181,9 @@ fn print_detectable(report: &Report, explain: bool) {
     if !explain || shown.is_empty() {
         return;
     }
-    terminal::print("to first order, named in 19 of 20 such flights if a parameter differs by:");
+    terminal::print(
+        "to first order, 19 of 20 such flights show an effect if a parameter differs by:",
+    );
     for effect in shown {
         let each = effect.least.iter().map(|(name, least)| match least {
             Some(least) => format!("{name} {least:.*}", if *least < 0.1 { 3 } else { 2 }),
