@@ -29,11 +29,10 @@ const JOINT: f64 = 0.6;
 const REST: [f64; 3] = [0.2, 0.4, 0.7];
 /// Noise of a gyroscope (rad/s per root Hz).
 const NOISE: f64 = 0.000_17;
-/// Standard deviation of a segment's direction relative to its sensor, each axis: soft tissue, and axes that are no hinges (rad).
-/// On the trunk sensors lie on bones. They are those of the walk in docs/suit.md; the turn of a thigh or a shank about its own
-/// axis is twice as much, but hardly moves anything.
-const TISSUE: f32 = 0.055;
-const BONE: f32 = 0.04;
+/// Standard deviation of a segment relative to its sensor, each axis: soft tissue, and axes that are no hinges (rad). On the
+/// trunk sensors lie on bones. In the recordings of docs/suit.md it is about twice as much.
+const TISSUE: f32 = 0.03;
+const BONE: f32 = 0.01;
 /// Error of the first attitude's tilt (rad).
 const TILT: f64 = 0.01;
 
