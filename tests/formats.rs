@@ -19,7 +19,7 @@ const PROGRAM: Program = Program(env!("CARGO_BIN_EXE_bodyflight"));
 const PAGE: &str = include_str!("../docs/formats.md");
 
 /// Fields whose contents the page does not list: parameters of effects by name, and copies of files.
-const BY_NAME: [&str; 2] = ["parameters", "standard_errors"];
+const BY_NAME: [&str; 3] = ["parameters", "standard_errors", "least"];
 const COPIES: [&str; 2] = ["model", "corrections"];
 
 /// Texts between backticks in the section of the page whose heading contains `title`.
