@@ -11,6 +11,8 @@ mod faults;
 mod recorded;
 #[path = "suit/reference.rs"]
 mod reference;
+#[path = "suit_maneuvers.rs"]
+mod suit_maneuvers;
 
 use std::collections::BTreeMap;
 use std::path::Path;

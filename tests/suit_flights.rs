@@ -5,6 +5,8 @@
 mod faults;
 #[path = "suit_flights/slimevr.rs"]
 mod slimevr;
+#[path = "suit_maneuvers.rs"]
+mod suit_maneuvers;
 
 use std::path::{Path, PathBuf};
 

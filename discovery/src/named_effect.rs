@@ -36,8 +36,8 @@ impl Outcome {
 }
 
 /// Serializes pairs as a map, keeping their order.
-fn as_map<S: Serializer>(
-    numbers: &[(&'static str, f64)],
+pub(crate) fn as_map<T: Serialize + Copy, S: Serializer>(
+    numbers: &[(&'static str, T)],
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
     serializer.collect_map(numbers.iter().copied())

@@ -6,6 +6,7 @@ use bodyflight_laboratory::limb_sensors::Fault;
 use bodyflight_mvnx::recording::FlightFrame;
 use nalgebra::Vector3;
 
+use super::suit_maneuvers::MANEUVERS;
 use super::{flown, read, streams};
 
 const ARMS: [Segment; 4] = [
@@ -13,21 +14,6 @@ const ARMS: [Segment; 4] = [
     Segment::LeftForearm,
     Segment::RightUpperArm,
     Segment::RightForearm,
-];
-
-/// Flown in turn, one for each seed.
-const MANEUVERS: [&str; 11] = [
-    "rotations",
-    "side-slides",
-    "longitudinal",
-    "vertical",
-    "barrel-roll",
-    "back-loop",
-    "tracking",
-    "aggressive-turns",
-    "exit-and-tracking",
-    "layouts",
-    "transitions",
 ];
 
 /// What is said of ten sensors in a flight.

@@ -2,22 +2,8 @@
 
 use std::sync::Mutex;
 
+use super::suit_maneuvers::MANEUVERS;
 use super::{Jump, column, numbers};
-
-/// Flown in turn, one for each seed.
-const MANEUVERS: [&str; 11] = [
-    "rotations",
-    "side-slides",
-    "longitudinal",
-    "vertical",
-    "barrel-roll",
-    "back-loop",
-    "tracking",
-    "aggressive-turns",
-    "exit-and-tracking",
-    "layouts",
-    "transitions",
-];
 
 /// Faults of `synth`, with how the table calls them.
 const FAULTS: [[&str; 2]; 8] = [

@@ -12,6 +12,8 @@ pub(crate) struct Decision {
     /// Probability that an effect does not act, below which it is named. An effect with less probability than this beside
     /// the named one is not its rival.
     pub(crate) false_discovery_rate: f64,
+    /// Probability that the rivals of an effect act instead, from which it is not named.
+    pub(crate) rivals_share: f64,
     /// Standard deviation of the log-likelihood of refitted flights: fits of the same flights end in different minima.
     pub(crate) refit_noise: f64,
     /// The same as a share of the gain.
@@ -90,6 +92,7 @@ pub(crate) const DECISION: Decision = Decision {
     still_rad: 0.04,
     refined: 6,
     false_discovery_rate: 0.02,
+    rivals_share: 0.5,
     refit_noise: 5.0,
     refit_noise_share: 0.005,
     gain_per_parameter: 3.0,
@@ -127,6 +130,11 @@ pub(crate) const DECISION: Decision = Decision {
 };
 
 impl Decision {
+    /// Log odds above which an effect is certain enough to be named.
+    pub(crate) fn certain_odds(&self) -> f64 {
+        ((1.0 - self.false_discovery_rate) / self.false_discovery_rate).ln()
+    }
+
     /// Gain of log-likelihood that the errors of refits give away: half their variance. With normal errors, odds from which
     /// it is subtracted are right on average.
     pub(crate) const fn refit_allowance(&self) -> f64 {

@@ -64,7 +64,7 @@ impl Hypothesis {
 
     /// Whether it would be certain enough to be named if refits had no errors, but is not.
     pub(crate) fn hinges_on_refits(&self) -> bool {
-        let certain = -(DECISION.false_discovery_rate / (1.0 - DECISION.false_discovery_rate)).ln();
+        let certain = DECISION.certain_odds();
         self.log_odds() < certain && self.odds_by(self.whole_gain()) > certain
     }
 
@@ -204,7 +204,7 @@ impl NamedEffect {
     pub(crate) fn is_likeliest(&self) -> bool {
         let shares = self.shares().into_iter();
         let others = shares.filter(|(other, _)| !are_same(*other, self.hypothesis.effect));
-        others.map(|(_, share)| share).sum::<f64>() < 0.5
+        others.map(|(_, share)| share).sum::<f64>() < DECISION.rivals_share
     }
 
     /// The effects that may act instead, each with its probability, if that is not negligible.

@@ -1,13 +1,14 @@
 //! What the flights would have shown: how strong an effect must be to gain what a name needs. An effect that is not named
 //! is absent only as far as it would have been seen.
 
-use crate::named_effect::EffectSet;
+use crate::named_effect::{EffectSet, as_map};
 use bodyflight_core::effect::{Effect, Parameter};
 use nalgebra::DMatrix;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 use crate::error::Result;
 use crate::hypotheses::decision::DECISION;
+use crate::hypotheses::hypothesis::Hypothesis;
 use crate::hypotheses::score_test::{JointFit, columns_of};
 use crate::jacobian::effect_parameters::{ParameterId, parameters_of};
 use crate::likelihood::schur::InformationForm;
@@ -37,14 +38,6 @@ impl Detectable {
     pub fn is_possible(&self) -> bool {
         self.least.iter().any(|(_, least)| least.is_some())
     }
-}
-
-/// Serializes pairs as a map, keeping their order.
-fn as_map<S: Serializer>(
-    numbers: &[(&'static str, Option<f64>)],
-    serializer: S,
-) -> core::result::Result<S::Ok, S::Error> {
-    serializer.collect_map(numbers.iter().copied())
 }
 
 /// Limits of the effects with a value that are not named, beside those that are. Empty where flights are too short to name
@@ -129,7 +122,8 @@ impl Needed {
             let form = InformationForm::joint(flights, &columns, precision)?;
             beside(&form.information, named)
         };
-        let deviations = JointFit::prior(&vec![(effect, effect.neutral())]);
+        let own = vec![(effect, effect.neutral())];
+        let deviations = JointFit::prior(&own);
         let mut posterior = information(here, &after)?;
         for (k, deviation) in deviations.iter().enumerate() {
             posterior[(k, k)] += deviation.powi(-2);
@@ -141,12 +135,16 @@ impl Needed {
             gained += information(flight, &before)?;
             unsure += 0.5 * (&covariance * information(flight, &after)?).trace();
         }
-        let rate = DECISION.false_discovery_rate;
-        let ranges: f64 = deviations.iter().map(|deviation| deviation.ln()).sum();
-        let library = (Effect::ALL.len() as f64).ln();
-        let gain =
-            ((1.0 - rate) / rate).ln() + DECISION.refit_allowance() + unsure + ranges + library
-                - 0.5 * covariance.determinant().ln();
+        let absent = Hypothesis {
+            effect,
+            effects: own,
+            covariance,
+            tempering: 1.0,
+            gain: 0.0,
+            gains_held_out: Vec::new(),
+            gain_without_refit: None,
+        };
+        let gain = DECISION.certain_odds() - absent.log_odds() + unsure;
         Some(Self {
             gain,
             information: gained,
