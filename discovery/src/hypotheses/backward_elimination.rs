@@ -24,7 +24,7 @@ pub(crate) fn without_redundant<'a>(
         let Some(without) = fitted_without(refit, &joint_fit, redundant.effect)? else {
             break;
         };
-        let beside = without.compared(&joint_fit, &redundant);
+        let beside = refit.compared(&without, &joint_fit, &redundant)?;
         if is_significant(&without.checked_without_refit(beside, refit.progress)) {
             break;
         }

@@ -181,7 +181,12 @@ pub(crate) fn selected<'a>(
             break;
         }
         let first_order = found.hypothesis.clone();
+        let before = joint_fit.likelihoods();
         let (mut name, next) = fitted_beside(refit, &files, &mut joint_fit, found, &set_aside)?;
+        let gained = joint_fit.gained_since(&before);
+        for one in &mut rejected {
+            one.less_likely(&gained);
+        }
         reached(refit.progress, tried, 1.0);
         let bars = next
             .as_ref()

@@ -52,6 +52,15 @@ impl Hypothesis {
         self.odds_by(without_refit.map_or(sure, |other| other.max(sure)))
     }
 
+    /// Takes from its gains what the flights without it have gained since, the held-out ones last.
+    pub(crate) fn less_likely(&mut self, gained: &[f64]) {
+        let (fitted, held_out) = gained.split_at(gained.len() - self.gains_held_out.len());
+        self.gain -= fitted.iter().sum::<f64>();
+        for (gain, gained) in self.gains_held_out.iter_mut().zip(held_out) {
+            *gain -= gained;
+        }
+    }
+
     /// Gain in all flights.
     pub(crate) fn whole_gain(&self) -> f64 {
         self.gain + self.gains_held_out.iter().sum::<f64>()
@@ -199,6 +208,13 @@ pub(crate) struct NamedEffect {
 }
 
 impl NamedEffect {
+    /// Takes from the gains of the others what the flights without any of them have gained since.
+    pub(crate) fn less_likely(&mut self, gained: &[f64]) {
+        for other in &mut self.others {
+            other.less_likely(gained);
+        }
+    }
+
     /// Whether it is more likely than its rivals together. Where it is not, that one of them acts may be certain, but not
     /// which.
     pub(crate) fn is_likeliest(&self) -> bool {

@@ -63,7 +63,7 @@ pub(crate) fn strongest<'a>(
         return Ok(None);
     };
     refit.refitted_from(&mut without, &with)?;
-    let hypothesis = without.compared(&with, &hypothesis);
+    let hypothesis = without.compared(&with, &hypothesis, &[]);
     let is_significant = is_significant(&hypothesis);
     let stands_out =
         is_significant && stands_out(&without, &with, description_gain, refit.progress)?;
@@ -184,7 +184,7 @@ fn beside_strength<'a>(
     }
     let mut all = Vec::new();
     for (problem, fit) in fits {
-        all.push(problem.settled(fit, refit.progress)?);
+        all.push(problem.converged(fit, refit.progress)?);
     }
     let Some(next) = refit.with_held_out(all, joint_fit, effects.clone())? else {
         return Ok(None);
@@ -205,5 +205,5 @@ fn beside_strength<'a>(
         gains_held_out: Vec::new(),
         gain_without_refit: None,
     };
-    Ok(Some((joint_fit.compared(&next, &hypothesis), next)))
+    Ok(Some((joint_fit.compared(&next, &hypothesis, &[]), next)))
 }

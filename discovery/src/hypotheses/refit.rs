@@ -9,18 +9,17 @@ use crate::hypotheses::hypothesis::Hypothesis;
 use crate::hypotheses::score_test::{JointFit, precision};
 use crate::jacobian::effect_parameters::{between, furthest, moved, parameters_of};
 use crate::jacobian::linearization_point::LinearizationPoint;
-use crate::likelihood::flight_problem::{AGAIN, FlightProblem};
+use crate::likelihood::flight_problem::FlightProblem;
 use crate::likelihood::linear_fit::LinearFit;
 use crate::likelihood::schur::InformationForm;
 use crate::likelihood::variance_components::FittedErrors;
 use crate::progress::{Progress, check};
 
 /// Maximum number of iterations with fixed slopes, the step at which they have converged (standard errors), and how
-/// often the slopes are recomputed: usually, and at most while the flights gain from it.
+/// often the slopes are recomputed.
 const FIXED_SLOPE_ROUNDS: usize = 8;
 const SETTLED_EFFECTS: f64 = 0.4;
-const SLOPES: usize = 3;
-const SLOPES_AT_MOST: usize = 10;
+const SLOPES: usize = 6;
 
 /// Change of the log-likelihood that justifies another step (or, for a loss, half a step), and how often a step is
 /// halved.
@@ -194,57 +193,27 @@ impl<'a> Refit<'a> {
                 best = Some(start);
             }
         }
-        let Some(mut best) = best else {
-            return Ok(None);
-        };
-        for _ in 0..SLOPES_AT_MOST {
-            let before = best.errors.likelihood;
-            let point = best.point_with(effects);
-            let Some(next) = problem.fit(&point, Some(&best.errors), 1, self.progress)? else {
-                break;
-            };
-            best = problem.settled(next, self.progress)?;
-            if best.errors.likelihood < before + AGAIN {
-                break;
-            }
-        }
-        Ok(Some(best))
+        best.map(|best| problem.converged(best, self.progress))
+            .transpose()
     }
 
-    /// Fits errors and effects with recomputed slopes until the effects converge, and returns the most likely fit.
+    /// Fits errors and effects with recomputed slopes until both converge.
     pub(crate) fn with_new_slopes(
         &self,
         mut round: GaussNewtonRound,
     ) -> Result<(Vec<LinearFit>, EffectSet)> {
-        let mut best = None;
-        for times in 1..=SLOPES_AT_MOST {
-            let before = round.likelihood();
+        for _ in 0..SLOPES {
             let Some(fitted) = self.fitted(&round.points(), &round.errors())? else {
                 break;
             };
-            let next = self.round(fitted, round.next.clone())?;
-            let has_settled = next.moved < SETTLED_EFFECTS;
-            let next = if has_settled {
-                next
-            } else {
-                self.with_same_slopes(next)?
-            };
-            // The first round starts with slopes of another point, so its likelihood says little.
-            let gained = next.likelihood() - before;
-            if times > 1 && gained < -AGAIN {
+            round = self.round(fitted, round.next.clone())?;
+            if round.moved < SETTLED_EFFECTS {
                 break;
             }
-            let before = core::mem::replace(&mut round, next);
-            if times > 1 {
-                best = Some(before.or_likelier(best));
-            }
-            if has_settled || (times >= SLOPES && gained < AGAIN) {
-                break;
-            }
+            round = self.with_same_slopes(round)?;
         }
-        let round = round.or_likelier(best);
         let each = self.problems.iter().zip(round.fitted);
-        let fitted = each.map(|(problem, fitted)| problem.settled(fitted, self.progress));
+        let fitted = each.map(|(problem, fitted)| problem.converged(fitted, self.progress));
         Ok((fitted.collect::<Result<Vec<_>>>()?, round.effects))
     }
 
@@ -352,11 +321,38 @@ impl<'a> Refit<'a> {
         Ok((gained, next))
     }
 
+    /// A hypothesis with its gain after refitting, which is not that of the covariance: `joint_fit` has the flights without
+    /// it, `with` those with it.
+    ///
+    /// # Errors
+    /// Returns an error if the search was cancelled.
+    pub(crate) fn compared(
+        &self,
+        joint_fit: &JointFit<'a>,
+        with: &JointFit<'a>,
+        hypothesis: &Hypothesis,
+    ) -> Result<Hypothesis> {
+        let alike = self.alike(joint_fit, with)?;
+        Ok(joint_fit.compared(with, hypothesis, &alike))
+    }
+
+    /// Log-likelihood of each flight of `joint_fit` with its own effects, but with the slopes and the covariance of another
+    /// fit.
+    pub(crate) fn alike(&self, joint_fit: &JointFit<'a>, other: &JointFit<'a>) -> Result<Vec<f64>> {
+        let effects = &joint_fit.effects;
+        let each = other.fitted.iter().chain(&other.held_out);
+        each.map(|(problem, other)| {
+            let point = other.point_with(effects);
+            let fit = problem.fit_with_slopes_of(other, &point, self.progress)?;
+            let fit = fit.map(|fit| problem.settled(fit, self.progress));
+            let likelihood = |fit: LinearFit| fit.errors.likelihood;
+            Ok(fit.transpose()?.map_or(f64::NEG_INFINITY, likelihood))
+        })
+        .collect()
+    }
+
     /// Refits flights with their own effects from the errors found with others where that makes them more likely, and
     /// returns the gain.
-    ///
-    /// The slopes of the other fit are tried too. Slopes make the covariance, so they alone may make a flight more likely:
-    /// with wide joints by 40, where nothing was hidden and an added mass was named.
     ///
     /// # Errors
     /// Returns an error if the search was cancelled.
@@ -370,17 +366,15 @@ impl<'a> Refit<'a> {
         let each = flights.fitted.iter_mut().chain(&mut flights.held_out);
         for ((problem, own), (_, other)) in each.zip(other.fitted.iter().chain(&other.held_out)) {
             let point = other.point_with(&effects);
-            let starts = [
-                problem.fit(&point, Some(&other.errors), 1, self.progress)?,
-                problem.fit_with_slopes_of(other, &point, self.progress)?,
-            ];
-            for again in starts.into_iter().flatten() {
-                let again = problem.settled(again, self.progress)?;
-                let gain = again.errors.likelihood - own.errors.likelihood;
-                if gain > 0.0 {
-                    gained += gain;
-                    *own = again;
-                }
+            let Some(again) = problem.fit(&point, Some(&other.errors), 1, self.progress)? else {
+                continue;
+            };
+            let least = own.errors.likelihood;
+            let again = problem.converged_above(least, again, self.progress)?;
+            let gain = again.errors.likelihood - own.errors.likelihood;
+            if gain > 0.0 {
+                gained += gain;
+                *own = again;
             }
         }
         Ok(gained)

@@ -63,10 +63,10 @@ pub(crate) fn fitted_beside<'a>(
         return Ok((name, None));
     };
     let mut others = challenging(&hypotheses, &name.hypothesis);
-    name.hypothesis = joint_fit.compared(&next, &name.hypothesis);
+    name.hypothesis = refit.compared(joint_fit, &next, &name.hypothesis)?;
     if !is_significant(&name.hypothesis) {
         refit.refitted_from(&mut next, joint_fit)?;
-        let again = joint_fit.compared(&next, &name.hypothesis);
+        let again = refit.compared(joint_fit, &next, &name.hypothesis)?;
         name.hypothesis = joint_fit.checked_without_refit(again, refit.progress);
         if !is_significant(&name.hypothesis) {
             return Ok((name, Some(next)));
@@ -84,11 +84,13 @@ pub(crate) fn fitted_beside<'a>(
         others.truncate(DECISION.runner_ups / 2);
         others.append(&mut fresh);
     }
-    name.hypothesis = joint_fit.compared(&next, &name.hypothesis);
+    name.hypothesis = refit.compared(joint_fit, &next, &name.hypothesis)?;
     challenge(refit, joint_fit, &mut next, &mut name, others)?;
     if name.hypothesis.effect != first {
+        let before = joint_fit.likelihoods();
         (_, next) = refit.retried(joint_fit, next)?;
-        name.hypothesis = joint_fit.compared(&next, &name.hypothesis);
+        name.less_likely(&joint_fit.gained_since(&before));
+        name.hypothesis = refit.compared(joint_fit, &next, &name.hypothesis)?;
     }
     Ok((name, Some(next)))
 }
@@ -113,7 +115,7 @@ fn challenge<'a>(
             let before = best.hypothesis.clone();
             others.retain(|other| other.effect != before.effect);
             if let Some(with) = finished(refit, best)? {
-                let best = joint_fit.compared(&with, &before);
+                let best = refit.compared(joint_fit, &with, &before)?;
                 if best.replaces(&name.hypothesis) {
                     name.others
                         .push(core::mem::replace(&mut name.hypothesis, best));
@@ -146,10 +148,14 @@ fn challengers<'a>(
     others: &[Hypothesis],
 ) -> Result<Vec<RefittedRunnerUp<'a>>> {
     let mut tried = Vec::new();
+    if others.is_empty() {
+        return Ok(tried);
+    }
+    let alike = refit.alike(joint_fit, next)?;
     for other in others {
         let what = other.effect.description().name;
         begin(refit.progress, &format!("errors beside {what}"))?;
-        if let Some(other) = challenged(refit, joint_fit, next, other)? {
+        if let Some(other) = challenged(refit, (joint_fit, &alike), next, other)? {
             tried.push(other);
         }
     }
@@ -160,7 +166,7 @@ fn challengers<'a>(
 /// Refits everything together with a competitor, using the slopes of the best candidate's fit.
 fn challenged<'a>(
     refit: &Refit<'a>,
-    joint_fit: &JointFit<'a>,
+    (joint_fit, alike): (&JointFit<'a>, &[f64]),
     next: &JointFit<'a>,
     other: &Hypothesis,
 ) -> Result<Option<RefittedRunnerUp<'a>>> {
@@ -193,7 +199,7 @@ fn challenged<'a>(
     let fitted = each.map(settled).collect::<Result<Vec<_>>>()?;
     let with = refit.joint_fit(fitted, effects);
     Ok(Some(RefittedRunnerUp {
-        hypothesis: joint_fit.compared(&with, other),
+        hypothesis: joint_fit.compared(&with, other, alike),
         joint_fit: with,
     }))
 }
@@ -212,7 +218,7 @@ fn finished<'a>(
         let Some(fit) = problem.fit(&point, Some(&fit.errors), 1, refit.progress)? else {
             return Ok(None);
         };
-        fitted.push(problem.settled(fit, refit.progress)?);
+        fitted.push(problem.converged(fit, refit.progress)?);
     }
     Ok(Some(refit.joint_fit(fitted, effects)))
 }

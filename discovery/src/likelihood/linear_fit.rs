@@ -60,6 +60,11 @@ impl LinearFit {
         .collect()
     }
 
+    /// Whether the slopes were computed where the flight is linearized.
+    pub(crate) fn has_own_slopes(&self) -> bool {
+        *self.slopes_at == self.point
+    }
+
     /// The point of linearization with the fitted constants and other effects.
     pub fn point_with(&self, effects: &EffectSet) -> LinearizationPoint {
         LinearizationPoint {

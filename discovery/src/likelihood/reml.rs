@@ -23,11 +23,11 @@ const TOLERANCE_WEIGHT: f64 = 45.0;
 
 /// Sums over the stretches for given variances.
 pub(crate) struct RemlEvaluation {
+    /// Log-likelihood with the constants marginalized out, and with the priors of all variances. The fit maximizes this.
     pub(crate) likelihood: f64,
-    /// The likelihood with the prior of calibration and bend. The fit maximizes this.
-    pub(crate) objective: f64,
     pub(crate) constants: DVector<f64>,
     pub(crate) covariance: DMatrix<f64>,
+    prior_deviations: PriorDeviations,
     /// A lower triangle of which the covariance is the square, the transpose first.
     triangle: DMatrix<f64>,
     pub(crate) weighed: Arc<WeighedFlight>,
@@ -106,12 +106,12 @@ impl RemlEvaluation {
         let factor = with_prior.cholesky()?;
         let constants = factor.solve(&slope);
         sum += factor.ln_determinant() - slope.dot(&constants);
-        let likelihood = -0.5 * sum - prior.penalty(sizes);
+        let priors = prior.penalty(sizes) + penalty(prior_deviations, prior);
         let triangle = inverse_triangle(&factor);
         Some(Self {
-            likelihood,
-            objective: likelihood - penalty(prior_deviations, prior),
+            likelihood: -0.5 * sum - priors,
             constants,
+            prior_deviations: *prior_deviations,
             covariance: square_of_triangle(&triangle),
             triangle,
             weighed,
@@ -190,21 +190,29 @@ impl RemlEvaluation {
         (slope, curvature)
     }
 
-    /// Standard deviations of calibration and bend by expectation maximization, regularized by the tolerances.
-    pub(crate) fn prior_deviations(&self, prior: &Prior) -> PriorDeviations {
+    /// Standard deviations of calibration and bend, regularized by the tolerances: by a step of the fixed point of MacKay
+    /// (1992), and by a step of expectation maximization, which is slow where the flight tells little about most joints,
+    /// but never makes it less likely.
+    pub(crate) fn prior_deviations(&self, prior: &Prior) -> [PriorDeviations; 2] {
         let tolerance = PriorDeviations::new(&prior.tolerances);
         let limit = prior.tolerances.joint_limit_deg().to_radians();
-        let share = |first: usize, before: f64| {
-            let expected = (first..first + JOINTS)
-                .map(|k| self.constants[k].powi(2) + self.covariance[(k, k)])
-                .sum::<f64>();
+        let share = |first: usize, now: f64, before: f64| {
+            let joints = first..first + JOINTS;
+            let squares: f64 = joints.clone().map(|k| self.constants[k].powi(2)).sum();
+            let left: f64 = joints.map(|k| self.covariance[(k, k)]).sum();
             let fixed = TOLERANCE_WEIGHT * before * before;
-            ((expected + fixed) / (JOINTS as f64 + TOLERANCE_WEIGHT)).sqrt()
+            let count = JOINTS as f64 + TOLERANCE_WEIGHT;
+            let told = count - left / (now * now);
+            [(squares + fixed) / told, (squares + left + fixed) / count]
+                .map(|square| square.sqrt().min(limit))
         };
-        PriorDeviations {
-            calibration: share(0, tolerance.calibration).min(limit),
-            // At a bend of one radian, this is the same error.
-            bend: share(JOINTS, tolerance.bend).min(limit),
-        }
+        let now = &self.prior_deviations;
+        let calibration = share(0, now.calibration, tolerance.calibration);
+        // At a bend of one radian, the limit is the same error.
+        let bend = share(JOINTS, now.bend, tolerance.bend);
+        [0, 1].map(|k| PriorDeviations {
+            calibration: calibration[k],
+            bend: bend[k],
+        })
     }
 }

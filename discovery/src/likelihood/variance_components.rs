@@ -124,10 +124,11 @@ pub(crate) fn fit_from(
         if progress.is_cancelled() {
             break;
         }
-        let next_spread = best.prior_deviations(prior);
+        let [fast, sure] = best.prior_deviations(prior);
         let (slope, curvature) = best.slopes(parts, prior, &sizes);
         let mut gain = None;
-        for _ in 0..6 {
+        for attempt in 0..6 {
+            let next_spread = if attempt == 0 { fast } else { sure };
             let mut damped = curvature;
             for k in 0..COMPONENTS {
                 damped[(k, k)] *= 1.0 + damping;
@@ -136,9 +137,9 @@ pub(crate) fn fit_from(
             let next = sizes.zip_map(&step, |size, step: f64| size * step.clamp(-2.0, 2.0).exp());
             let next = prior.limited(next);
             if let Some(found) = RemlEvaluation::new(parts, prior, &next, &next_spread)
-                && found.objective > best.objective - 1e-6
+                && found.likelihood > best.likelihood - 1e-6
             {
-                gain = Some(found.objective - best.objective);
+                gain = Some(found.likelihood - best.likelihood);
                 (sizes, prior_deviations, best) = (next, next_spread, found);
                 damping *= 0.2;
                 break;

@@ -1,8 +1,13 @@
 //! A likelihood that slopes alone raise is no gain of an effect.
 
 use super::*;
+use nalgebra::DMatrix;
+
+use crate::hypotheses::hypothesis::Hypothesis;
 use crate::hypotheses::refit::Refit;
 use crate::likelihood::linear_fit::LinearFit;
+use crate::likelihood::prior::PriorDeviations;
+use crate::likelihood::reml::RemlEvaluation;
 use crate::likelihood::variance_components::fit_from;
 use crate::named_effect::EffectSet;
 
@@ -42,11 +47,84 @@ fn what_slopes_gain_without_an_effect_is_not_its_gain() {
         tolerances,
         progress: &(),
     };
-    let mut without = refit.joint_fit(vec![bare], none);
+    let hypothesis = Hypothesis {
+        effect: Effect::AddedMass,
+        effects: acting.clone(),
+        covariance: DMatrix::identity(1, 1),
+        tempering: 1.0,
+        gain: 0.0,
+        gains_held_out: Vec::new(),
+        gain_without_refit: None,
+    };
+    let without = refit.joint_fit(vec![bare], none);
     let with = refit.joint_fit(vec![with], acting);
-    let gained = refit.refitted_from(&mut without, &with).unwrap();
-    assert!((bare_likelihood + gained - without.likelihood()).abs() < 1e-6);
-    assert!(without.likelihood() >= alone_likelihood - 1e-6);
+    let compared = refit.compared(&without, &with, &hypothesis).unwrap();
+    let expected = with.likelihood() - alone_likelihood;
+    assert!(
+        (compared.gain - expected).abs() < 1e-6,
+        "{}, expected {expected}",
+        compared.gain
+    );
+}
+
+/// Fits of joints that are off by 3 degrees, from two starts: with slopes of their own they agree, and one that goes on stays
+/// where it is.
+#[test]
+fn fits_with_slopes_of_their_own_agree() {
+    let settings = laboratory::Settings {
+        duration: 20.0,
+        rate: 120.0,
+        joints: Joints::WIDE,
+        ..laboratory::Settings::default()
+    };
+    let track = flown(&[], &settings);
+    let problem = FlightProblem::new(&track, &Tolerances::default());
+    let bent = vec![(Effect::Drag, [1.3, 1.0, 1.2])];
+    let [one, other] = [EffectSet::new(), bent].map(|effects| {
+        let files = LinearizationPoint::files_with(&effects);
+        let start = problem.fit(&files, None, 1, &()).unwrap().unwrap();
+        let point = start.point_with(&EffectSet::new());
+        let fit = problem.fit(&point, Some(&start.errors), 1, &()).unwrap();
+        problem.converged(fit.unwrap(), &()).unwrap()
+    });
+    let point = one.point_with(&EffectSet::new());
+    let further = problem.fit(&point, Some(&one.errors), 1, &()).unwrap();
+    let [one, other, further] = [one, other, further.unwrap()].map(|fit| fit.errors.likelihood);
+    assert!((one - other).abs() < 6.0, "{one}, {other}");
+    assert!((one - further).abs() < 6.0, "{one}, {further}");
+}
+
+/// Both steps to the spread of calibration and bend end at the same place, and the faster gets there in fewer.
+#[test]
+fn the_spread_of_joint_errors_has_one_estimate() {
+    let settings = laboratory::Settings {
+        duration: 20.0,
+        rate: 120.0,
+        joints: Joints::WIDE,
+        ..laboratory::Settings::default()
+    };
+    let track = flown(&[], &settings);
+    let problem = FlightProblem::new(&track, &Tolerances::default());
+    let files = LinearizationPoint::files();
+    let fitted = problem.fit(&files, None, 1, &()).unwrap().unwrap();
+    let (parts, prior) = (&fitted.parts, &problem.prior);
+    let first = PriorDeviations::new(&prior.tolerances);
+    let after = |times: usize, which: usize| {
+        let sizes = &fitted.errors.sizes;
+        let step = |now: PriorDeviations, _: usize| {
+            let found = RemlEvaluation::new(parts, prior, sizes, &now).unwrap();
+            found.prior_deviations(prior)[which]
+        };
+        (0..times).fold(first, step)
+    };
+    let apart = |one: PriorDeviations, other: PriorDeviations| {
+        let calibration = (one.calibration / other.calibration).ln();
+        calibration.abs().max((one.bend / other.bend).ln().abs())
+    };
+    let [fast, sure] = [0, 1].map(|which| after(200, which));
+    assert!(apart(fast, sure) < 1e-3, "{fast:?}, {sure:?}");
+    let [near, far] = [0, 1].map(|which| apart(after(3, which), fast));
+    assert!(near < 0.8 * far, "{near}, {far}");
 }
 
 /// A flight that a fit has weighted gives the next fit every bit that weighting it anew does, whatever the residuals are; with
