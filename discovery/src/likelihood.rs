@@ -1,6 +1,7 @@
 //! The likelihood of a flight: its variance components by restricted maximum likelihood, with the constants
 //! marginalized out.
 
+pub(crate) mod convergence;
 pub(crate) mod factor;
 pub(crate) mod flight_problem;
 pub(crate) mod gauss_newton;
