@@ -12,9 +12,9 @@ use bodyflight_tests::program::text;
 use serde_json::Value;
 
 use crate::PROGRAM;
-use crate::faults::{Capture, planted};
-use people::{Person, people};
-use plants::{Plant, Row, rows};
+use crate::faults::planted;
+use people::{Person, others, people};
+use plants::{Plant, Row, Words, rows};
 
 /// What the program says of the jumps of a person.
 struct Said {
@@ -25,24 +25,28 @@ struct Said {
 }
 
 impl Said {
-    /// What is said after the words that name a fault: its size.
-    fn size(&self, words: &str) -> Option<&str> {
-        let all = self.effects.iter().chain([&self.words]);
-        let (_, rest) = all.filter_map(|said| said.split_once(words)).next()?;
-        let end = rest.find(['"', ';', '(']).unwrap_or(rest.len());
-        Some(rest[..end].trim_matches([' ', ':', ',']))
+    /// What is said after each of the words that name a fault: its sizes.
+    fn sizes(&self, words: Words) -> Vec<&str> {
+        let of = |words: &&str| {
+            let mut all = self.effects.iter().chain([&self.words]);
+            let (_, rest) = all.find_map(|said| said.split_once(*words))?;
+            let end = rest.find(['"', ';', '(']).unwrap_or(rest.len());
+            Some(rest[..end].trim_matches([' ', ':', ',']))
+        };
+        words.iter().filter_map(of).collect()
     }
 
     /// What else is named: other effects, and faults of other rows.
-    fn besides(&self, words: &str, all: &[Row]) -> Vec<&str> {
+    fn besides(&self, words: Words, all: &[Row]) -> Vec<&str> {
+        let is_other = |said: &str| !words.iter().any(|own| said.starts_with(own));
         let effects = self.effects.iter().map(String::as_str);
-        let others = effects.filter(|effect| words.is_empty() || !effect.starts_with(words));
-        let faults = all
-            .iter()
-            .flat_map(|row| row.plants.iter().map(|(_, words)| *words));
-        let faults = faults
-            .filter(|other| !other.is_empty() && *other != words && self.words.contains(other));
-        others.chain(faults).collect()
+        let known = all.iter().flat_map(|row| row.plants.iter());
+        let faults = known.flat_map(|(_, words)| words.iter().copied());
+        let faults = faults.filter(|other| self.words.contains(other));
+        effects
+            .chain(faults)
+            .filter(|said| is_other(said))
+            .collect()
     }
 }
 
@@ -89,24 +93,22 @@ fn said(person: &Person, folder: &Path, plant: Plant) -> Said {
     let mut of_import = String::new();
     let flights = person.sources.iter().enumerate().map(|(at, source)| {
         let folder = folder.join(at.to_string());
-        let wrong = match plant {
-            Plant::Subject(wrong) => Some(source.wrong_subject(&folder.join("subject"), wrong)),
-            Plant::Frames(..) => None,
-        };
-        let (capture, doubts) = source.captured(&folder, wrong.as_deref());
-        if wrong.is_some() {
-            of_import.push_str(&doubts);
-        }
-        let of_place = |change: fn(&Capture, usize) -> _, rate, keeps_places| {
-            planted(&folder, &capture, rate, keeps_places, |frame, _| {
-                let frames = &capture.frames;
-                let place = frames.iter().position(|other| other.index == frame.index);
-                change(&capture, place.expect("a frame of the capture"))
-            })
-        };
+        std::fs::create_dir_all(&folder).expect("a folder");
         match plant {
-            Plant::Frames(rate, keeps_places, change) => of_place(change, rate, keeps_places),
-            Plant::Subject(_) => of_place(|capture, at| capture.frames[at], 1.0, false),
+            Plant::Subject(wrong) => {
+                let subject = source.wrong_subject(&folder.join("subject"), wrong);
+                let (flight, said) = source.with_subject(&folder, &subject);
+                of_import.push_str(&said);
+                flight
+            }
+            Plant::Frames(rate, keeps_places, change) => {
+                let capture = source.captured(&folder);
+                let frames = &capture.frames;
+                planted(&folder, &capture, rate, keeps_places, |frame, _| {
+                    let place = frames.iter().position(|other| other.index == frame.index);
+                    change(&capture, place.expect("a frame of the capture"))
+                })
+            }
         }
     });
     let flights: Vec<String> = flights.collect();
@@ -121,19 +123,19 @@ fn counted(row: &Row, all: &[Row], people: &[Person]) -> [usize; 3] {
             let folder = tempfile::tempdir().expect("a folder");
             let said = said(person, folder.path(), *plant);
             let besides = said.besides(words, all);
-            let size = match *words {
-                "" => besides.is_empty().then_some(""),
-                words => said.size(words),
+            let sizes = said.sizes(words);
+            let is_right = if words.is_empty() {
+                besides.is_empty()
+            } else {
+                !sizes.is_empty()
             };
+            let mark = if is_right { "named" } else { "-" };
             println!(
-                "{} | {} | {} | {} | {besides:?}",
-                row.planted,
-                person.name,
-                if size.is_some() { "named" } else { "-" },
-                size.unwrap_or_default(),
+                "{} | {} | {mark} | {sizes:?} | {besides:?}",
+                row.planted, person.name
             );
             println!("    {:?} {}", said.effects, said.words);
-            count[0] += usize::from(size.is_some());
+            count[0] += usize::from(is_right);
             count[1] += 1;
             count[2] += usize::from(!besides.is_empty());
         }
@@ -141,14 +143,15 @@ fn counted(row: &Row, all: &[Row], people: &[Person]) -> [usize; 3] {
     count
 }
 
-/// The words of a count as the page has it.
-fn cell(row: &Row, [named, planted, _]: [usize; 3]) -> String {
-    let cell = match (row.planted, named) {
+/// The words of the counts as the page has them: of the people with whom the checks were made, and of others.
+fn cells(row: &Row, counts: [[usize; 3]; 2]) -> String {
+    let cell = |[named, planted, _]: [usize; 3]| match (row.planted, named) {
         ("nothing", _) => format!("nothing in {named} of {planted}"),
         (_, 0) => "none".to_owned(),
         _ => format!("{named} of {planted}"),
     };
-    format!("| {} | {cell} |", row.planted)
+    let [here, there] = counts.map(cell);
+    format!("| {} | {here} | {there} |", row.planted)
 }
 
 #[test]
@@ -156,25 +159,30 @@ fn cell(row: &Row, [named, planted, _]: [usize; 3]) -> String {
 fn faults_planted_in_public_jumps_are_named_as_the_page_says() {
     let folder = std::env::var_os("BODYFLIGHT_JUMPS").expect("BODYFLIGHT_JUMPS");
     let only = std::env::var("BODYFLIGHT_PLANTED").unwrap_or_default();
-    let people = people(Path::new(&folder));
-    let page =
-        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/discovery.md"));
-    let page = page.expect("the page");
+    let people = [people(Path::new(&folder)), others(Path::new(&folder))];
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/discovery.md");
+    let page = std::fs::read_to_string(page).expect("the page");
     let all = rows();
-    let mut wrong = Vec::new();
-    let mut sum = [0; 3];
+    let (mut table, mut wrong) = (Vec::new(), Vec::new());
+    let mut sums = [[0; 3]; 2];
     for row in all.iter().filter(|row| row.planted.contains(&only)) {
-        let count = counted(row, &all, &people);
-        let cell = cell(row, count);
-        println!("{cell}");
-        if !page.contains(&cell) {
-            wrong.push(cell);
+        let counts = [0, 1].map(|set| counted(row, &all, &people[set]));
+        let cells = cells(row, counts);
+        if !page.contains(&cells) {
+            wrong.push(cells.clone());
         }
+        table.push(cells);
         if row.planted != "nothing" {
-            sum = [0, 1, 2].map(|part| sum[part] + count[part]);
+            sums = [0, 1].map(|set| [0, 1, 2].map(|part| sums[set][part] + counts[set][part]));
         }
     }
-    let [named, planted, falsely] = sum;
-    println!("{named} of {planted} named, something else in {falsely}");
+    println!("{}", table.join("\n"));
+    for [named, planted, falsely] in sums {
+        let says = format!("{named} of {planted} named, something else in {falsely}");
+        println!("{says}");
+        if only.is_empty() && !page.contains(&says) {
+            wrong.push(says);
+        }
+    }
     assert!(wrong.is_empty(), "the page differs: {wrong:#?}");
 }

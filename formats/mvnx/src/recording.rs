@@ -71,6 +71,8 @@ pub struct Recording<'a> {
     bridge: bridge::Bridge,
     watch: watch::Watch,
     mountings: mounting::Mountings,
+    /// The frame whose joints are furthest apart, and how far (m), if they are too far.
+    open: Option<(Frame, f64)>,
     /// Velocities that replace the suit's.
     velocities: Option<Velocities>,
     finished: bool,
@@ -151,7 +153,7 @@ impl<'a> Recording<'a> {
             return Err(named(arms::open_joints(
                 &skeleton,
                 reader.header(),
-                &ahead,
+                &ahead.iter().collect::<Vec<_>>(),
                 closure_error,
             )));
         }
@@ -174,6 +176,7 @@ impl<'a> Recording<'a> {
             bridge,
             watch: watch::Watch::new(frame_rate),
             mountings: mounting::Mountings::default(),
+            open: None,
             velocities: None,
             finished: false,
         })
@@ -234,6 +237,7 @@ impl<'a> Recording<'a> {
     fn found(&self, postures_from_s: f64) -> Vec<Warning> {
         let mut warnings = self.watch.warnings(postures_from_s);
         warnings.extend(self.mountings().iter().map(Mounting::warning));
+        warnings.extend(self.exchanged());
         let props = self.header().segments.iter().map(|segment| &segment.label);
         let props = props.filter(|label| MvnSegment::ALL.iter().all(|own| own.label() != *label));
         for prop in props {
@@ -247,6 +251,20 @@ impl<'a> Recording<'a> {
             warnings.push(Warning::new(0, message));
         }
         warnings
+    }
+
+    /// Sides of a limb that are exchanged where joints are apart: in the first frames, they may have been straight.
+    fn exchanged(&self) -> Option<Warning> {
+        let (frame, apart) = self.open.as_ref()?;
+        let frames = std::iter::once(frame);
+        let said = arms::exchanged(&self.skeleton, self.header(), frames, *apart)?;
+        let time = self.bridge.time(frame.index);
+        Some(Warning::fault(frame.index, [time; 2], said))
+    }
+
+    /// Scale of the angular velocities of the pelvis about the axes of the body, where the attitudes show another than one.
+    pub fn gyroscope_scale(&self) -> Option<[f64; 3]> {
+        self.watch.gyroscope_scale()
     }
 
     /// The first good calibration frame of a kind, as posture and motion; `None` if there is none.
@@ -353,6 +371,14 @@ impl<'a> Recording<'a> {
                 self.bridge.bad(fault)?;
             } else if let Some(flight) = self.flight_frame(&mut frame) {
                 let joint = self.worst_joint(&frame);
+                if let Some(joint) = &joint
+                    && self
+                        .open
+                        .as_ref()
+                        .is_none_or(|(_, apart)| joint.apart > *apart)
+                {
+                    self.open = Some((frame.clone(), joint.apart));
+                }
                 let moving = self.moving(&frame);
                 self.watch.see(&flight, frame.written_time, joint, &moving);
                 self.mountings.see_frame(&self.skeleton, &frame);

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use bodyflight_core::Segment;
+use bodyflight_core::{Segment, SegmentArray};
+use bodyflight_mocap::mapping::Mapping;
 use bodyflight_replay::subject::{SEGMENTS_FILE, SUBJECT_FILE, Subject};
 use bodyflight_tests::program::{plain, written};
 use serde_json::{Map, Value, json};
@@ -23,6 +24,9 @@ pub(super) struct Person {
     pub(super) name: &'static str,
     pub(super) sources: Vec<Source>,
 }
+
+/// Lengths of the limbs that are known (m).
+type Lengths = SegmentArray<Option<f64>>;
 
 /// Drop jumps of a person in OpenCap's laboratory: the folder below that of the repositories, and the recordings.
 type DropJumps = (&'static str, &'static str, &'static [&'static str]);
@@ -51,11 +55,18 @@ const DROP_JUMPS: [DropJumps; 4] = [
     ),
 ];
 
-/// The people of the table: one whose somersaults are bundled, one of CMU's library, four of OpenCap's laboratory.
+/// Recordings of CMU's library below the folder of repositories.
+const CMU: &str = "CMU-MOCAP-Data/data/CMU/asfamc/subjects";
+
+const OTHER_DROP_JUMP: DropJumps = (
+    "T",
+    "AddBiomechanics/server/engine/tests/data/opencap_test_original/trials/DJ1",
+    &["markers"],
+);
+
+/// The people with whose recordings the checks were made: one whose somersaults are bundled, one of CMU's library, four
+/// of OpenCap's laboratory.
 pub(super) fn people(folder: &Path) -> Vec<Person> {
-    let mapping =
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/airborne/table/opencap.toml");
-    let cmu = folder.join("CMU-MOCAP-Data/data/CMU/asfamc/subjects/01/01_01.amc");
     let mut people = vec![
         Person {
             name: "Montreal",
@@ -66,50 +77,98 @@ pub(super) fn people(folder: &Path) -> Vec<Person> {
         },
         Person {
             name: "CMU 01",
-            sources: vec![Source::Foreign(cmu, None)],
+            sources: vec![Source::Foreign(folder.join(CMU).join("01/01_01.amc"), None)],
         },
     ];
-    people.extend(DROP_JUMPS.map(|(name, below, jumps)| {
-        let file = |jump: &&str| folder.join(below).join(format!("{jump}.trc"));
-        let foreign = |jump| Source::Foreign(file(jump), Some(mapping.clone()));
-        Person {
-            name,
-            sources: jumps.iter().map(foreign).collect(),
-        }
-    }));
+    people.extend(DROP_JUMPS.map(|jumps| dropping(folder, jumps)));
     people
 }
 
+/// People whose recordings were read only when the checks were finished.
+pub(super) fn others(folder: &Path) -> Vec<Person> {
+    let of_cmu = ["02/02_03.amc", "02/02_04.amc"];
+    let cmu = of_cmu.map(|file| Source::Foreign(folder.join(CMU).join(file), None));
+    vec![
+        Person {
+            name: "CMU 02",
+            sources: cmu.into(),
+        },
+        dropping(folder, OTHER_DROP_JUMP),
+    ]
+}
+
+fn dropping(folder: &Path, (name, below, jumps): DropJumps) -> Person {
+    let mapping =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/airborne/table/opencap.toml");
+    let file = |jump: &&str| folder.join(below).join(format!("{jump}.trc"));
+    let foreign = |jump| Source::Foreign(file(jump), Some(mapping.clone()));
+    Person {
+        name,
+        sources: jumps.iter().map(foreign).collect(),
+    }
+}
+
 impl Source {
-    /// Its frames. One of another system is imported, of a `subject` if the user names one; what the import doubts comes with
-    /// it.
-    pub(super) fn captured(&self, folder: &Path, subject: Option<&Path>) -> (Capture, String) {
-        std::fs::create_dir_all(folder).expect("a folder");
-        let capture = |path: &Path, subject: Option<PathBuf>| {
-            let (frames, rate) = frames(path);
-            Capture {
-                name: "",
-                frames,
-                rate,
-                subject,
+    /// Its frames; a recording of another system is imported.
+    pub(super) fn captured(&self, folder: &Path) -> Capture {
+        let (recording, subject) = match self {
+            Self::Bundled(recording, own) => {
+                (acrobatics().join(recording), Some(acrobatics().join(own)))
+            }
+            Self::Foreign(..) => {
+                let (flight, _) = self.imported(folder, None);
+                (Path::new(&flight).with_file_name("flight.mvnx"), None)
             }
         };
+        let (frames, rate) = frames(&recording);
+        Capture {
+            name: "",
+            frames,
+            rate,
+            subject,
+        }
+    }
+
+    /// Imports a file, of a `subject` if the user names one: the flight, and what is said.
+    fn imported(&self, folder: &Path, subject: Option<&Path>) -> (String, String) {
+        let Self::Foreign(file, mapping) = self else {
+            return Default::default();
+        };
+        let out = folder.join("imported");
+        let mut arguments = vec!["import", plain(file), "--out", plain(&out)];
+        let mapping = mapping.iter().flat_map(|path| ["--mapping", plain(path)]);
+        arguments.extend(mapping);
+        arguments.extend(subject.iter().flat_map(|path| ["--subject", plain(path)]));
+        let (answer, _) = PROGRAM.answer(&arguments);
+        let flight = out.join("flight.toml");
+        (plain(&flight).to_owned(), answer["warnings"].to_string())
+    }
+
+    /// The lengths of the limbs in a file of another system (m).
+    fn lengths(&self) -> Lengths {
+        let Self::Foreign(file, mapping) = self else {
+            return SegmentArray::from_fn(|_| None);
+        };
+        let mapping = mapping
+            .as_deref()
+            .map(|path| Mapping::read(path).expect("a mapping"));
+        let source = bodyflight_mocap::source::Source::open(file, mapping.as_ref());
+        source.expect("a source").lengths_m
+    }
+
+    /// The flight of a user whose subject is wrong, and what the import says of it.
+    pub(super) fn with_subject(&self, folder: &Path, subject: &Path) -> (String, String) {
         match self {
-            Self::Bundled(recording, own) => {
-                let subject = subject.map_or_else(|| acrobatics().join(own), Path::to_path_buf);
-                let capture = capture(&acrobatics().join(recording), Some(subject));
-                (capture, String::new())
+            Self::Bundled(recording, _) => {
+                let recording = acrobatics().join(recording);
+                let flight = format!(
+                    "recording = \"{}\"\nsubject = \"{}\"\n",
+                    plain(&recording),
+                    plain(subject)
+                );
+                (written(folder, "flight.toml", &flight), String::new())
             }
-            Self::Foreign(file, mapping) => {
-                let out = folder.join("imported");
-                let mut arguments = vec!["import", plain(file), "--out", plain(&out)];
-                let mapping = mapping.iter().flat_map(|path| ["--mapping", plain(path)]);
-                arguments.extend(mapping);
-                arguments.extend(subject.iter().flat_map(|path| ["--subject", plain(path)]));
-                let (answer, _) = PROGRAM.answer(&arguments);
-                let capture = capture(&out.join("flight.mvnx"), subject.map(Path::to_path_buf));
-                (capture, answer["warnings"].to_string())
-            }
+            Self::Foreign(..) => self.imported(folder, Some(subject)),
         }
     }
 
@@ -125,7 +184,7 @@ impl Source {
             || json!({"segments": []}),
             |text| serde_json::from_str(text).expect("a table"),
         );
-        let table = wrong.in_table(&known, table);
+        let table = wrong.in_table(&known, self.lengths(), table);
         written(folder, SEGMENTS_FILE, &table.to_string());
         let path = folder.join(SUBJECT_FILE);
         let text = std::fs::read_to_string(&path).expect("the subject");
@@ -145,12 +204,24 @@ impl Source {
 pub(super) enum Wrong {
     /// The mass and the inertia of a segment.
     Mass(Segment, f64),
-    /// The length of a segment, with its centre of gravity and the joint at its end.
-    Length(Segment, Segment, f64),
+    /// The length of a segment. The other limbs are as long as in the recording: who lists lengths has measured them.
+    Length(Segment, f64),
 }
 
+/// Bones of the limbs, with the segments whose joints are at their ends.
+const BONES: [[Segment; 2]; 8] = [
+    [Segment::LeftThigh, Segment::LeftShank],
+    [Segment::RightThigh, Segment::RightShank],
+    [Segment::LeftShank, Segment::LeftFoot],
+    [Segment::RightShank, Segment::RightFoot],
+    [Segment::LeftUpperArm, Segment::LeftForearm],
+    [Segment::RightUpperArm, Segment::RightForearm],
+    [Segment::LeftForearm, Segment::LeftHand],
+    [Segment::RightForearm, Segment::RightHand],
+];
+
 impl Wrong {
-    fn in_table(self, known: &Subject, mut table: Value) -> Value {
+    fn in_table(self, known: &Subject, lengths: Lengths, mut table: Value) -> Value {
         let body = known.body();
         let rows = table["segments"].as_array_mut().expect("rows");
         let mut set = |segment: Segment, field: &str, value: Value| {
@@ -169,12 +240,20 @@ impl Wrong {
                 set(segment, "mass", json!(own.mass * factor));
                 set(segment, "inertia", json!(<[[f64; 3]; 3]>::from(inertia)));
             }
-            Self::Length(segment, next, factor) => {
-                let own = body.segments[segment];
-                let joint = body.segments[next].joint_offset * factor;
-                set(segment, "length", json!(own.length * factor));
-                set(segment, "cg", json!(<[f64; 3]>::from(own.cg * factor)));
-                set(next, "joint_offset", json!(<[f64; 3]>::from(joint)));
+            Self::Length(wrong, factor) => {
+                for [segment, next] in BONES {
+                    let joint = body.segments[next].joint_offset;
+                    let known = lengths[segment].map_or(1.0, |length| length / joint.norm());
+                    let factor = known * if segment == wrong { factor } else { 1.0 };
+                    let own = body.segments[segment];
+                    set(segment, "length", json!(joint.norm() * factor));
+                    set(segment, "cg", json!(<[f64; 3]>::from(own.cg * factor)));
+                    set(
+                        next,
+                        "joint_offset",
+                        json!(<[f64; 3]>::from(joint * factor)),
+                    );
+                }
             }
         }
         table

@@ -23,11 +23,13 @@ pub(super) enum Plant {
     Subject(Wrong),
 }
 
-/// Something planted: as the page calls it, what is planted one after the other, and the words that name each, before
-/// its size.
+/// Words that name a fault; its size follows.
+pub(super) type Words = &'static [&'static str];
+
+/// Something planted: as the page calls it, what is planted one after the other, and the words that name each.
 pub(super) struct Row {
     pub(super) planted: &'static str,
-    pub(super) plants: Vec<(Plant, &'static str)>,
+    pub(super) plants: Vec<(Plant, Words)>,
 }
 
 fn same(capture: &Capture, at: usize) -> FlightFrame {
@@ -129,69 +131,75 @@ pub(super) fn rows() -> Vec<Row> {
         planted,
         plants: vec![(plant, words)],
     };
-    let too_long = |own, next| Plant::Subject(Wrong::Length(own, next, 1.1));
+    let too_long = |own| Plant::Subject(Wrong::Length(own, 1.1));
     vec![
-        row("nothing", frames(same), ""),
+        row("nothing", frames(same), &[]),
         row(
             "postures late by 25 ms",
             frames(late),
-            "posture-delay delay_s",
+            &["posture-delay delay_s", "the postures are late by"],
         ),
         row(
             "pelvis turned by 5 degrees, places of the joints as measured",
             placed(turned_pelvis),
-            "pelvis is turned by",
+            &["pelvis is turned by"],
         ),
         row(
             "whole body turned by 5 degrees against its motion",
             frames(turned_body),
-            "mounting x_rad",
+            &["mounting x_rad"],
         ),
         row(
             "bias of the gyroscope of 0.050 rad/s",
             frames(biased),
-            "a bias of",
+            &["a bias of"],
         ),
         row(
             "scale of the gyroscope of 1.03",
             frames(scaled),
-            "a scale of",
+            &["a scale of"],
         ),
         row(
             "frame rate 2 % high",
             Plant::Frames(1.02, false, without_rates),
-            "the frame rate is",
+            &["the frame rate is"],
         ),
         row(
             "frame rate 2 % low",
             Plant::Frames(0.98, false, without_rates),
-            "the frame rate is",
+            &["the frame rate is"],
         ),
         Row {
             planted: "left and right exchanged: forearms with hands, arms, legs",
             plants: vec![
                 (
                     placed(exchanged_forearms),
-                    "left and right forearm and hand are exchanged",
+                    &["left and right forearm and hand are exchanged"],
                 ),
-                (placed(exchanged_arms), "left and right arm are exchanged"),
-                (placed(exchanged_legs), "left and right leg are exchanged"),
+                (
+                    placed(exchanged_arms),
+                    &["left and right arm are exchanged"],
+                ),
+                (
+                    placed(exchanged_legs),
+                    &["left and right leg are exchanged"],
+                ),
             ],
         },
         row(
             "a thigh 1.5 times as heavy in the subject",
             Plant::Subject(Wrong::Mass(Segment::LeftThigh, 1.5)),
-            "l_thigh of the subject weighs",
+            &["l_thigh of the subject weighs"],
         ),
         row(
             "a thigh 10 % too long in the subject",
-            too_long(Segment::LeftThigh, Segment::LeftShank),
-            "l_thigh is",
+            too_long(Segment::LeftThigh),
+            &["l_thigh is"],
         ),
         row(
             "a forearm 10 % too long in the subject",
-            too_long(Segment::RightForearm, Segment::RightHand),
-            "r_forearm is",
+            too_long(Segment::RightForearm),
+            &["r_forearm is"],
         ),
     ]
 }

@@ -72,6 +72,11 @@ impl Sums {
     }
 }
 
+/// A scale that is worth telling.
+fn is_off((scale, error): Estimate) -> bool {
+    (scale - 1.0).abs() > LEAST_SCALE.max(SURE * error)
+}
+
 /// What has been seen about the axes of the body.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Gyroscope([Sums; 3]);
@@ -84,11 +89,19 @@ impl Gyroscope {
         }
     }
 
+    /// The scales, one where none is worth telling; `None` if none is.
+    pub(super) fn scale(&self) -> Option<[f64; 3]> {
+        let scales = self.0.map(|sums| sums.fitted().map(|[_, scale]| scale));
+        let scales = scales.map(|scale| scale.filter(|scale| is_off(*scale)));
+        (scales.iter().any(Option::is_some))
+            .then(|| scales.map(|scale| scale.map_or(1.0, |(scale, _)| scale)))
+    }
+
     /// Errors of the gyroscope that are worth telling, in a sentence.
     pub(super) fn errors(&self) -> Option<String> {
         let mut told = Vec::new();
         for (sums, axis) in self.0.iter().zip(["x", "y", "z"]) {
-            let Some([(bias, bias_error), (scale, scale_error)]) = sums.fitted() else {
+            let Some([(bias, bias_error), scale]) = sums.fitted() else {
                 continue;
             };
             if bias.abs() > LEAST_BIAS.max(SURE * bias_error) {
@@ -96,9 +109,10 @@ impl Gyroscope {
                     "a bias of {bias:+.3} +- {bias_error:.3} rad/s about {axis}"
                 ));
             }
-            if (scale - 1.0).abs() > LEAST_SCALE.max(SURE * scale_error) {
+            if is_off(scale) {
                 told.push(format!(
-                    "a scale of {scale:.3} +- {scale_error:.3} about {axis}"
+                    "a scale of {:.3} +- {:.3} about {axis}",
+                    scale.0, scale.1
                 ));
             }
         }

@@ -186,6 +186,11 @@ impl Spins {
         self.gyroscope.errors()
     }
 
+    /// Its scale about the axes of the body, if it is worth telling.
+    pub(super) fn gyroscope_scale(&self) -> Option<[f64; 3]> {
+        self.gyroscope.scale()
+    }
+
     /// Forgets what is compared across a gap.
     pub(super) fn interrupt(&mut self) {
         self.piece = None;

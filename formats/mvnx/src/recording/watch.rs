@@ -161,6 +161,11 @@ impl Watch {
         self.first.get_or_insert(*frame);
     }
 
+    /// Scale of the gyroscope about the axes of the body, if it is worth telling.
+    pub(super) fn gyroscope_scale(&self) -> Option<[f64; 3]> {
+        self.spins.gyroscope_scale()
+    }
+
     fn compare(&mut self, last: &FlightFrame, frame: &FlightFrame) {
         let duration = frame.time - last.time;
         if duration <= 0.0 {
