@@ -471,5 +471,14 @@ mod tests {
         assert_eq!(said[0].segment.as_deref(), Some("r_thigh"));
         let words = "in the recording (0.87 times), l_thigh 1.00 times";
         assert!(said[0].message.contains(words), "{said:?}");
+        // A table may list where the next joint is, and nothing else.
+        let mut wrong = body;
+        wrong.segments[Segment::RightShank].joint_offset *= 1.15;
+        let said = compared(&recorded, &wrong, true);
+        assert!(
+            said.len() == 1 && said[0].message.contains(words),
+            "{said:?}"
+        );
+        assert_eq!(said[0].segment.as_deref(), Some("r_thigh"));
     }
 }

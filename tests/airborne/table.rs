@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use crate::PROGRAM;
 use crate::faults::planted;
-use people::{Person, others, people};
+use people::{Person, bundled, others, people};
 use plants::{Plant, Row, Words, rows};
 
 /// What the program says of the jumps of a person.
@@ -152,6 +152,17 @@ fn cells(row: &Row, counts: [[usize; 3]; 2]) -> String {
     };
     let [here, there] = counts.map(cell);
     format!("| {} | {here} | {there} |", row.planted)
+}
+
+/// What two jumps of 0.4 s show too: not their rate, nor that the whole body is turned.
+#[test]
+fn faults_planted_in_bundled_jumps_are_named() {
+    let all = rows();
+    let is_shown = |row: &&Row| !row.planted.contains("rate 2 %") && !row.planted.contains("whole");
+    for row in all.iter().filter(is_shown) {
+        let [named, planted, falsely] = counted(row, &all, &bundled());
+        assert_eq!([named, falsely], [planted, 0], "{}", row.planted);
+    }
 }
 
 #[test]

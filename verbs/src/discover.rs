@@ -159,7 +159,8 @@ pub fn discover_flights(
         // The later jumps of a recording confirm the earlier ones.
         held_out = fitted.split_off(fitted.len().div_ceil(2));
     }
-    let mut report = discover(&fitted, &held_out, &settings, progress).map_err(problem)?;
+    let mut report = discover(&fitted, &held_out, &settings, progress)
+        .map_err(|error| with_remarks(error, &warnings))?;
     if let Some((before, said)) = places::contradicted(&report, &fitted) {
         // What was named before it stays.
         let settings = Settings {
@@ -176,6 +177,18 @@ pub fn discover_flights(
         report.changes = in_words::changes(&report, flight, frames)?;
     }
     Ok(report)
+}
+
+/// Explains why a search gave no report. What the recordings say of themselves is told all the same.
+fn with_remarks(error: Error, remarks: &[String]) -> Problem {
+    let problem = problem(error);
+    if remarks.is_empty() {
+        return problem;
+    }
+    problem.help(format!(
+        "without a search, the recordings say this much: {}",
+        remarks.join("; ")
+    ))
 }
 
 /// Explains why a search gave no report.

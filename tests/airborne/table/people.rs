@@ -68,13 +68,7 @@ const OTHER_DROP_JUMP: DropJumps = (
 /// of OpenCap's laboratory.
 pub(super) fn people(folder: &Path) -> Vec<Person> {
     let mut people = vec![
-        Person {
-            name: "Montreal",
-            sources: vec![
-                Source::Bundled("flight-1.mvnx.gz", "subject-1.toml"),
-                Source::Bundled("flight-3.mvnx.gz", "subject-3.toml"),
-            ],
-        },
+        acrobat(),
         Person {
             name: "CMU 01",
             sources: vec![Source::Foreign(folder.join(CMU).join("01/01_01.amc"), None)],
@@ -82,6 +76,26 @@ pub(super) fn people(folder: &Path) -> Vec<Person> {
     ];
     people.extend(DROP_JUMPS.map(|jumps| dropping(folder, jumps)));
     people
+}
+
+fn acrobat() -> Person {
+    Person {
+        name: "Montreal",
+        sources: vec![
+            Source::Bundled("flight-1.mvnx.gz", "subject-1.toml"),
+            Source::Bundled("flight-3.mvnx.gz", "subject-3.toml"),
+        ],
+    }
+}
+
+/// People whose recordings are part of the repository: of CMU's library, two of ten jumps.
+pub(super) fn bundled() -> [Person; 2] {
+    let jumps = acrobatics().join("../cmu/01_01.amc.gz");
+    let of_cmu = Person {
+        name: "CMU 01",
+        sources: vec![Source::Foreign(jumps, None)],
+    };
+    [acrobat(), of_cmu]
 }
 
 /// People whose recordings were read only when the checks were finished.
