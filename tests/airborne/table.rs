@@ -6,9 +6,12 @@ mod people;
 #[path = "table/plants.rs"]
 mod plants;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use bodyflight_core::dynamics::State;
 use bodyflight_tests::program::text;
+use bodyflight_verbs::airborne::{Capture, Part, physics};
+use nalgebra::Vector3;
 use serde_json::Value;
 
 use crate::PROGRAM;
@@ -154,6 +157,16 @@ fn cells(row: &Row, counts: [[usize; 3]; 2]) -> String {
     format!("| {} | {here} | {there} |", row.planted)
 }
 
+/// The folder of the repositories, and the page.
+fn folder() -> PathBuf {
+    PathBuf::from(std::env::var_os("BODYFLIGHT_JUMPS").expect("BODYFLIGHT_JUMPS"))
+}
+
+fn page() -> String {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/discovery.md");
+    std::fs::read_to_string(page).expect("the page")
+}
+
 /// What two jumps of 0.4 s show too: not their rate, nor that the whole body is turned.
 #[test]
 fn faults_planted_in_bundled_jumps_are_named() {
@@ -168,11 +181,9 @@ fn faults_planted_in_bundled_jumps_are_named() {
 #[test]
 #[ignore = "needs the recordings in the folder named by BODYFLIGHT_JUMPS"]
 fn faults_planted_in_public_jumps_are_named_as_the_page_says() {
-    let folder = std::env::var_os("BODYFLIGHT_JUMPS").expect("BODYFLIGHT_JUMPS");
     let only = std::env::var("BODYFLIGHT_PLANTED").unwrap_or_default();
-    let people = [people(Path::new(&folder)), others(Path::new(&folder))];
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/discovery.md");
-    let page = std::fs::read_to_string(page).expect("the page");
+    let people = [people(&folder()), others(&folder())];
+    let page = page();
     let all = rows();
     let (mut table, mut wrong) = (Vec::new(), Vec::new());
     let mut sums = [[0; 3]; 2];
@@ -193,6 +204,58 @@ fn faults_planted_in_public_jumps_are_named_as_the_page_says() {
         println!("{says}");
         if only.is_empty() && !page.contains(&says) {
             wrong.push(says);
+        }
+    }
+    assert!(wrong.is_empty(), "the page differs: {wrong:#?}");
+}
+
+/// Gravity in a part without so much of both ends (s), and its weight.
+fn gravity(part: &Part, ends: f64) -> Option<(f64, f64)> {
+    let samples = &part.recorded.samples;
+    let within = part.begin_s + ends - 1e-6..part.begin_s + part.length_s - ends + 1e-6;
+    let frames = (0..samples.len()).filter(|frame| within.contains(&samples[*frame].time));
+    let centre = |frame: usize| -> Vector3<f64> {
+        let rate = part.recorded.rate(frame);
+        let sample = part
+            .recorded
+            .dynamics
+            .sample(&samples[frame].posture, &rate);
+        State::from_motion(&samples[frame].motion, &sample)
+            .cg_position
+            .components
+    };
+    let (times, centres): (Vec<f64>, Vec<_>) = frames
+        .map(|frame| (samples[frame].time, centre(frame)))
+        .unzip();
+    let length = times.last()? - times.first()?;
+    let fall = physics::fall(&times, &centres)?;
+    Some((fall.g_mps2, length.powi(4)))
+}
+
+#[test]
+#[ignore = "needs the recordings in the folder named by BODYFLIGHT_JUMPS"]
+fn gravity_in_the_middle_of_public_jumps_is_as_the_page_says() {
+    let page = page();
+    let mut wrong = Vec::new();
+    for person in people(&folder()).iter().skip(2) {
+        let out = tempfile::tempdir().expect("a folder");
+        let parts = person.sources.iter().enumerate().flat_map(|(at, source)| {
+            let flight = source.flight(&out.path().join(at.to_string()));
+            let capture = Capture::read(Path::new(&flight)).expect("a capture");
+            capture.into_parts()
+        });
+        let parts: Vec<Part> = parts.collect();
+        let mean = |ends: f64| {
+            let each = parts.iter().filter_map(|part| gravity(part, ends));
+            let [sum, weights] = each.fold([0.0; 2], |[sum, weights], (g, weight)| {
+                [sum + g * weight, weights + weight]
+            });
+            sum / weights
+        };
+        let row = format!("| {} | {:.2} | {:.2} |", person.name, mean(0.0), mean(0.06));
+        println!("{row}");
+        if !page.contains(&row) {
+            wrong.push(row);
         }
     }
     assert!(wrong.is_empty(), "the page differs: {wrong:#?}");

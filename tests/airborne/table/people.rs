@@ -33,23 +33,23 @@ type DropJumps = (&'static str, &'static str, &'static [&'static str]);
 
 const DROP_JUMPS: [DropJumps; 4] = [
     (
-        "E1",
+        "Expert1",
         "AddBiomechanics/paper_data/Expert1",
         // The markers of a wrist are exchanged in DJAsym2, and in the last frame of DJ2, which the program says.
         &["DJ1", "DJ3", "DJAsym1", "DJAsym3"],
     ),
     (
-        "S4",
+        "Subject4",
         "nimblephysics/data/grf/Subject4/MarkerData",
         &["DJ1", "DJ2", "DJ3", "DJAsym1", "DJAsym2", "DJAsym3"],
     ),
     (
-        "U",
+        "OpenCapUnfiltered",
         "nimblephysics/data/grf/OpenCapUnfiltered/MarkerData",
         &["DJ1", "DJ4", "DJ5"],
     ),
     (
-        "L5",
+        "LaiArnoldSubject5",
         "nimblephysics/data/osim/LaiArnoldSubject5",
         &["DJ1", "DJ2"],
     ),
@@ -168,6 +168,14 @@ impl Source {
             .map(|path| Mapping::read(path).expect("a mapping"));
         let source = bodyflight_mocap::source::Source::open(file, mapping.as_ref());
         source.expect("a source").lengths_m
+    }
+
+    /// The flight as it is, without a subject of its own.
+    pub(super) fn flight(&self, folder: &Path) -> String {
+        match self {
+            Self::Bundled(recording, _) => plain(&acrobatics().join(recording)).to_owned(),
+            Self::Foreign(..) => self.imported(folder, None).0,
+        }
     }
 
     /// The flight of a user whose subject is wrong, and what the import says of it.
