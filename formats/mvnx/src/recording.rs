@@ -9,6 +9,7 @@ mod arms;
 mod bridge;
 mod checks;
 mod clock;
+mod complete;
 mod frame;
 mod gyroscope;
 mod limbs;
@@ -39,6 +40,7 @@ use crate::closure::Skeleton;
 use crate::xsens::{self, MvnSegment};
 use crate::{ArmFrame, Fault, Field, Fields, Frame, FrameKind, Header, ReadOptions, Reader};
 use bodyflight_io::diagnostic::{Problem, Result};
+use complete::{check_fields, places};
 use limbs::Moving;
 use plausibility::{JOINT_LIMIT, OpenJoint};
 pub use warning::{Warning, faults};
@@ -264,7 +266,7 @@ impl<'a> Recording<'a> {
 
     /// Scale of the angular velocities of the pelvis about the axes of the body, where the attitudes show another than one.
     pub fn gyroscope_scale(&self) -> Option<[f64; 3]> {
-        self.watch.gyroscope_scale()
+        self.watch.spins.gyroscope_scale()
     }
 
     /// The first good calibration frame of a kind, as posture and motion; `None` if there is none.
@@ -409,43 +411,4 @@ impl Iterator for Recording<'_> {
             .map_err(|problem| problem.in_file(self.reader.path()))
             .transpose()
     }
-}
-
-/// Finds the model's segments in a file.
-fn places(header: &Header) -> Result<Places> {
-    let mut missing = Vec::new();
-    let places = SegmentArray::from_fn(|segment| {
-        let label = MvnSegment::leading(segment).label();
-        header.segment_index(label).unwrap_or_else(|| {
-            missing.push(label);
-            0
-        })
-    });
-    if missing.is_empty() {
-        return Ok(places);
-    }
-    Err(Problem::bad_input(format!(
-        "a flight needs the full body, but the file has no segment {}",
-        missing.join(", ")
-    ))
-    .help("export the recording again with all 23 segments"))
-}
-
-/// Checks that orientation and position are present in some of the first frames; faults of single frames are handled
-/// later.
-fn check_fields(first: &Frame, frames: &VecDeque<Frame>) -> Result<()> {
-    for field in [Field::Orientation, Field::Position] {
-        if frames.iter().all(|frame| !frame.present().contains(field)) {
-            let element = field.element();
-            return Err(
-                Problem::bad_input(format!("expected <{element}>, found none"))
-                    .at_line(first.line)
-                    .at(format!("frame {}", first.index))
-                    .help(format!(
-                        "export the recording again from MVN with <{element}> included"
-                    )),
-            );
-        }
-    }
-    Ok(())
 }

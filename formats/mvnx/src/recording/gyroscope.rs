@@ -197,6 +197,6 @@ mod tests {
         assert_eq!(smoothed(1.0), None);
         let [x, y, z] = smoothed(1.03).unwrap();
         assert!((x - 1.03).abs() < 0.005, "{x}");
-        assert_eq!([y, z], [1.0; 2]);
+        assert!((y - 1.0).abs().max((z - 1.0).abs()) < 1e-12, "{y}, {z}");
     }
 }

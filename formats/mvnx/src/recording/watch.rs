@@ -94,7 +94,7 @@ pub(super) struct Watch {
     turn: Option<Turn>,
     turns: u64,
     fastest: Option<(u64, f64)>,
-    spins: Spins,
+    pub(super) spins: Spins,
     paths: Paths,
     anatomy: Anatomy,
     segments: Plausibility,
@@ -159,11 +159,6 @@ impl Watch {
             }
         }
         self.first.get_or_insert(*frame);
-    }
-
-    /// Scale of the gyroscope about the axes of the body, if it is worth telling.
-    pub(super) fn gyroscope_scale(&self) -> Option<[f64; 3]> {
-        self.spins.gyroscope_scale()
     }
 
     fn compare(&mut self, last: &FlightFrame, frame: &FlightFrame) {
