@@ -40,7 +40,7 @@ use crate::closure::Skeleton;
 use crate::xsens::{self, MvnSegment};
 use crate::{ArmFrame, Fault, Field, Fields, Frame, FrameKind, Header, ReadOptions, Reader};
 use bodyflight_io::diagnostic::{Problem, Result};
-use complete::{check_fields, places};
+use complete::{Places, check_fields, places};
 use limbs::Moving;
 use plausibility::{JOINT_LIMIT, OpenJoint};
 pub use warning::{Warning, faults};
@@ -83,9 +83,6 @@ pub struct Recording<'a> {
 /// Velocity of the pelvis (m/s, inertial axes) at a time since frame 0 (s), from another sensor than the suit; `None`
 /// where it has none.
 pub type Velocities = Box<dyn Fn(f64) -> Option<Vector<f64, Inertial>> + Send>;
-
-/// Position of each of the model's segments among those of a frame.
-type Places = SegmentArray<usize>;
 
 impl Recording<'static> {
     /// Opens a flight.

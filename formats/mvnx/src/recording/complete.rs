@@ -5,9 +5,11 @@ use std::collections::VecDeque;
 use bodyflight_core::SegmentArray;
 use bodyflight_io::diagnostic::{Problem, Result};
 
-use super::Places;
 use crate::xsens::MvnSegment;
 use crate::{Field, Frame, Header};
+
+/// Position of each of the model's segments among those of a frame.
+pub(super) type Places = SegmentArray<usize>;
 
 /// Finds the model's segments in a file.
 pub(super) fn places(header: &Header) -> Result<Places> {
