@@ -5,6 +5,8 @@
 mod discovered;
 #[path = "airborne/faults.rs"]
 mod faults;
+#[path = "airborne/table.rs"]
+mod table;
 
 use std::io::Read;
 use std::path::{Path, PathBuf};

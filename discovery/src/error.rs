@@ -4,11 +4,11 @@
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Error {
     /// The flight is too short.
-    #[error("expected at least {least_s} s of flight, found {found_s:.1} s")]
+    #[error("expected at least {least_s} s of flight without a break, found {found_s:.1} s in all")]
     TooShort {
         /// Minimum duration of a flight (s).
         least_s: f64,
-        /// Duration of the flight (s).
+        /// Duration of all its parts (s).
         found_s: f64,
     },
     /// The caller cancelled the search.

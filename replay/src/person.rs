@@ -42,55 +42,105 @@ const APART: f64 = 0.15;
 /// Lengths of a bone in a recording and in a body, left and right (m).
 type Lengths = [[f64; 2]; 2];
 
-/// The lengths of the limbs; `None` if the recording lacks one of them.
-fn limbs(header: &Header, body: &Body<f64>) -> Option<Vec<([Segment; 2], Lengths)>> {
-    let bones = BONES.into_iter().map(|(segment, from, to, own)| {
-        let mut lengths = [[0.0; 2]; 2];
-        for (k, side) in SIDES.into_iter().enumerate() {
-            let at = header.segment_index(&format!("{side}{segment}"))?;
-            let point = |joint: &str| header.segments[at].point(&format!("j{side}{joint}"));
-            lengths[k] = [
-                (point(to)? - point(from)?).norm(),
-                body.segments[own[k]].length,
-            ];
-        }
+/// The next segment, whose joint is at the end of a bone.
+const fn next(own: Segment) -> Segment {
+    match own {
+        Segment::LeftThigh => Segment::LeftShank,
+        Segment::RightThigh => Segment::RightShank,
+        Segment::LeftShank => Segment::LeftFoot,
+        Segment::RightShank => Segment::RightFoot,
+        Segment::LeftUpperArm => Segment::LeftForearm,
+        Segment::RightUpperArm => Segment::RightForearm,
+        Segment::LeftForearm => Segment::LeftHand,
+        _ => Segment::RightHand,
+    }
+}
+
+/// What a body has as the length of a bone: the distance of its joints, which moves the segments, and the length of the
+/// segment, which the air sees. A table of segments may state either.
+const MODELLED: [fn(&Body<f64>, Segment) -> f64; 2] = [
+    |body, own| body.segments[next(own)].joint_offset.norm(),
+    |body, own| body.segments[own].length,
+];
+
+/// The length of a bone between its joints, from the points of a header (m).
+fn recorded(header: &Header, own: Segment) -> Option<f64> {
+    let mut bones = BONES.into_iter();
+    let (segment, from, to, pair) = bones.find(|(.., pair)| pair.contains(&own))?;
+    let side = SIDES[usize::from(pair[1] == own)];
+    let at = header.segment_index(&format!("{side}{segment}"))?;
+    let point = |joint: &str| header.segments[at].point(&format!("j{side}{joint}"));
+    Some((point(to)? - point(from)?).norm())
+}
+
+/// The lengths of the bones that are known on both sides.
+fn limbs(
+    recorded: &impl Fn(Segment) -> Option<f64>,
+    modelled: impl Fn(Segment) -> f64,
+) -> Vec<([Segment; 2], Lengths)> {
+    let bones = BONES.into_iter().filter_map(|(.., own)| {
+        let [left, right] = own.map(|own| Some([recorded(own)?, modelled(own)]));
+        let lengths = [left?, right?];
         let is_known = lengths.iter().flatten().all(|length| *length > 0.0);
         is_known.then_some((own, lengths))
     });
     bones.collect()
 }
 
-/// Ratio of the lengths of all limbs in a recording to those of a body.
-fn stature(bones: &[([Segment; 2], Lengths)]) -> f64 {
+/// Ratio of the lengths of all limbs in a recording to those of a body; `None` if one of them is not known.
+fn stature(bones: &[([Segment; 2], Lengths)]) -> Option<f64> {
     let sum = |of: usize| -> f64 {
         let each = bones.iter().flat_map(|(_, sides)| sides.iter());
         each.map(|lengths| lengths[of]).sum()
     };
-    sum(0) / sum(1)
+    (bones.len() == BONES.len()).then(|| sum(0) / sum(1))
 }
 
-/// Bones whose two sides differ in the subject, but not so in the recording, in sentences.
-fn uneven(bones: &[([Segment; 2], Lengths)]) -> Vec<(Segment, String)> {
-    let whole = stature(bones);
-    let of = |(own, sides): &([Segment; 2], Lengths)| {
-        let ratios = sides.map(|[recorded, modelled]| recorded / modelled);
-        if (ratios[0] / ratios[1]).ln().abs() < UNEVEN {
-            return None;
+/// Bones whose two sides differ in a body, but not so in a recording, in sentences; `recorded` has the lengths that are known
+/// of the recording (m).
+pub fn uneven(
+    body: &Body<f64>,
+    recorded: impl Fn(Segment) -> Option<f64>,
+) -> Vec<(Segment, String)> {
+    let mut all: Vec<(Segment, String)> = Vec::new();
+    for modelled in MODELLED {
+        let bones = limbs(&recorded, |own| modelled(body, own));
+        for (segment, message) in bones.iter().filter_map(|bone| odd_side(bone, &bones)) {
+            if all.iter().all(|(known, _)| *known != segment) {
+                all.push((segment, message));
+            }
         }
-        // The side that fits the other bones less is the one that is wrong.
-        let off = ratios.map(|ratio| (ratio / whole).ln().abs());
-        let (wrong, right) = if off[0] > off[1] { (0, 1) } else { (1, 0) };
-        let [recorded, modelled] = sides[wrong];
-        let message = format!(
-            "{} is {modelled:.3} m long in the subject and {recorded:.3} m in the recording ({:.2} times), {} {:.2} times: the length of one is wrong",
-            own[wrong].name(),
-            ratios[wrong],
-            own[right].name(),
-            ratios[right]
-        );
-        Some((own[wrong], message))
-    };
-    bones.iter().filter_map(of).collect()
+    }
+    all
+}
+
+/// The side of a bone that is wrong, if its two sides differ in the body, but not so in the recording.
+fn odd_side(
+    (own, sides): &([Segment; 2], Lengths),
+    bones: &[([Segment; 2], Lengths)],
+) -> Option<(Segment, String)> {
+    let ratios = sides.map(|[recorded, modelled]| recorded / modelled);
+    if (ratios[0] / ratios[1]).ln().abs() < UNEVEN {
+        return None;
+    }
+    // The side that fits the other bones less is the one that is wrong: by their median, which one wrong bone does not move.
+    let mut others: Vec<f64> = (bones.iter())
+        .filter(|(other, _)| other != own)
+        .flat_map(|(_, sides)| sides.map(|[recorded, modelled]| recorded / modelled))
+        .collect();
+    others.sort_by(f64::total_cmp);
+    let whole = others.get(others.len() / 2).copied().unwrap_or(1.0);
+    let off = ratios.map(|ratio| (ratio / whole).ln().abs());
+    let (wrong, right) = if off[0] > off[1] { (0, 1) } else { (1, 0) };
+    let [recorded, modelled] = sides[wrong];
+    let message = format!(
+        "{} is {modelled:.3} m long in the subject and {recorded:.3} m in the recording ({:.2} times), {} {:.2} times: the length of one is wrong",
+        own[wrong].name(),
+        ratios[wrong],
+        own[right].name(),
+        ratios[right]
+    );
+    Some((own[wrong], message))
 }
 
 /// Body mass index with equipment (kg/m2) outside of which nobody jumps: a mass is in another unit, or another person's.
@@ -296,10 +346,10 @@ pub fn compared(header: &Header, body: &Body<f64>, stated: bool) -> Vec<Warning>
         span_s: None,
         is_fault,
     };
-    let bones = limbs(header, body);
-    let ratio = bones.as_deref().map(stature);
+    let recorded = |own: Segment| recorded(header, own);
+    let ratio = stature(&limbs(&recorded, |own| MODELLED[0](body, own)));
     let ratio = ratio.filter(|ratio| (ratio - 1.0).abs() > APART);
-    let uneven = bones.as_deref().map(uneven).unwrap_or_default();
+    let uneven = uneven(body, recorded);
     let uneven = uneven.into_iter().map(|(segment, message)| Warning {
         segment: Some(segment.name().to_owned()),
         ..remark(message, false)
@@ -314,13 +364,6 @@ pub fn compared(header: &Header, body: &Body<f64>, stated: bool) -> Vec<Warning>
             format!("the limbs of the recorded person are {ratio:.2} times as long as {whose}");
         remark(message, stated)
     });
-    let recorded = |own: Segment| {
-        let (pair, sides) = bones
-            .as_ref()?
-            .iter()
-            .find(|(pair, _)| pair.contains(&own))?;
-        Some(sides[usize::from(pair[1] == own)][0])
-    };
     let odd = disproportionate(recorded).map(|(segment, said)| Warning {
         segment: Some(segment.name().to_owned()),
         ..remark(format!("of the recorded person, {said}"), true)
@@ -428,5 +471,14 @@ mod tests {
         assert_eq!(said[0].segment.as_deref(), Some("r_thigh"));
         let words = "in the recording (0.87 times), l_thigh 1.00 times";
         assert!(said[0].message.contains(words), "{said:?}");
+        // A table may list where the next joint is, and nothing else.
+        let mut wrong = body;
+        wrong.segments[Segment::RightShank].joint_offset *= 1.15;
+        let said = compared(&recorded, &wrong, true);
+        assert!(
+            said.len() == 1 && said[0].message.contains(words),
+            "{said:?}"
+        );
+        assert_eq!(said[0].segment.as_deref(), Some("r_thigh"));
     }
 }

@@ -43,6 +43,7 @@ fn somersaults_are_clean_and_late_postures_are_named() {
     let said = clean["warnings"].to_string();
     assert!(said.contains("vertical is tilted by 1."), "{said}");
     assert!(!said.contains("gyroscope"), "{said}");
+    assert!(!said.contains("postures are"), "{said}");
 
     let late = search("late", |frames, place| FlightFrame {
         posture: frames[place.saturating_sub(LATE)].posture,
@@ -52,6 +53,9 @@ fn somersaults_are_clean_and_late_postures_are_named() {
     assert_eq!(named["name"], "posture-delay", "{late}");
     let delay = named["parameters"]["delay_s"].as_f64().expect("a number");
     assert!((delay - 0.025).abs() < 0.004, "{delay}");
+    let said = late["warnings"].to_string();
+    assert!(said.contains("the postures are late by 27."), "{said}");
+    assert!(!said.contains("the angular momentum changes"), "{said}");
 }
 
 #[test]

@@ -16,13 +16,13 @@ use crate::{PROGRAM, acrobatics};
 
 /// Frames of a capture, its rate (Hz), and its person.
 pub(super) struct Capture {
-    name: &'static str,
+    pub(super) name: &'static str,
     pub(super) frames: Vec<FlightFrame>,
-    rate: f64,
-    subject: Option<PathBuf>,
+    pub(super) rate: f64,
+    pub(super) subject: Option<PathBuf>,
 }
 
-fn frames(path: &Path) -> (Vec<FlightFrame>, f64) {
+pub(super) fn frames(path: &Path) -> (Vec<FlightFrame>, f64) {
     let recording = Recording::open(path, Options::default()).expect("a recording");
     let rate = recording.header().frame_rate;
     (

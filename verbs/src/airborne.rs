@@ -6,6 +6,7 @@
 //! are not what they must be. The model predicts each phase as `validate` does.
 
 mod blocks;
+mod delay;
 pub mod figure;
 pub mod phases;
 pub mod physics;
@@ -32,7 +33,7 @@ pub const LENGTHS: [f64; 3] = [0.1, 0.25, 0.5];
 const SLACK: f64 = 2e-3;
 /// Relative difference of frame rates below which they are one, and faults that all phases of a set show together.
 const SAME_RATE: f64 = 1e-3;
-const OF_FALLS: [&str; 3] = ["tilt", "rate", "momentum"];
+const OF_FALLS: [&str; 4] = ["tilt", "rate", "momentum", "delay"];
 /// Relative change of gravity beyond which phases are looked for again, and how often. Unless it is sure by so many standard
 /// errors, what is found then must have at most this part of the error, or pushes would be taken for falls.
 const SETTLED: f64 = 0.1;
@@ -218,7 +219,8 @@ pub fn judged(capture: &Capture) -> Verdict {
     let momenta: Vec<Momentum> = capture.parts.iter().map(|part| part.momentum).collect();
     let faults = (capture.contradictions.iter().map(verdict::contradiction))
         .chain(capture.mountings.iter().map(verdict::mounted))
-        .chain(capture.steps.iter().map(verdict::step));
+        .chain(capture.steps.iter().map(verdict::step))
+        .chain(delay::found(&capture.parts.iter().collect::<Vec<_>>()));
     Verdict::of(&falls, &momenta, faults.collect(), capture.rate)
 }
 
@@ -235,6 +237,7 @@ pub(crate) fn judged_by_rate(captures: &[&Capture]) -> Vec<Verdict> {
             .filter(|fault| !OF_FALLS.contains(&fault.kind))
             .collect();
         lasting.dedup();
+        lasting.extend(delay::found(&parts().collect::<Vec<_>>()));
         let rate = set.first().map_or(0.0, |capture| capture.rate);
         Verdict::of(&falls, &momenta, lasting, rate)
     })

@@ -2,6 +2,7 @@
 
 pub mod figure;
 mod in_words;
+mod places;
 mod reading;
 
 use std::collections::HashMap;
@@ -146,7 +147,7 @@ pub fn discover_flights(
         let said = reading.remarks.iter();
         said.map(|warning| format!("{}: {warning}", flight.recording.display()))
     });
-    let warnings = remarks.chain(of_jumps).collect();
+    let mut warnings: Vec<String> = remarks.chain(of_jumps).collect();
     let tracks = |readings: &[(&Flight, Reading)]| -> Vec<RecordedFlight> {
         let each = readings.iter();
         each.flat_map(|(_, reading)| reading.tracks.clone())
@@ -158,7 +159,17 @@ pub fn discover_flights(
         // The later jumps of a recording confirm the earlier ones.
         held_out = fitted.split_off(fitted.len().div_ceil(2));
     }
-    let mut report = discover(&fitted, &held_out, &settings, progress).map_err(problem)?;
+    let mut report = discover(&fitted, &held_out, &settings, progress)
+        .map_err(|error| with_remarks(error, &warnings))?;
+    if let Some((before, said)) = places::contradicted(&report, &fitted) {
+        // What was named before it stays.
+        let settings = Settings {
+            max_effects: before,
+            ..settings
+        };
+        warnings.push(said);
+        report = discover(&fitted, &held_out, &settings, progress).map_err(problem)?;
+    }
     report.warnings = warnings;
     if let (Some((flight, reading)), false) = (here.first(), report.effects.is_empty())
         && let Some(frames) = &reading.whole
@@ -166,6 +177,18 @@ pub fn discover_flights(
         report.changes = in_words::changes(&report, flight, frames)?;
     }
     Ok(report)
+}
+
+/// Explains why a search gave no report. What the recordings say of themselves is told all the same.
+fn with_remarks(error: Error, remarks: &[String]) -> Problem {
+    let problem = problem(error);
+    if remarks.is_empty() {
+        return problem;
+    }
+    problem.help(format!(
+        "without a search, the recordings say this much: {}",
+        remarks.join("; ")
+    ))
 }
 
 /// Explains why a search gave no report.

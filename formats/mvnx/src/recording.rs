@@ -9,6 +9,7 @@ mod arms;
 mod bridge;
 mod checks;
 mod clock;
+mod complete;
 mod frame;
 mod gyroscope;
 mod limbs;
@@ -39,6 +40,7 @@ use crate::closure::Skeleton;
 use crate::xsens::{self, MvnSegment};
 use crate::{ArmFrame, Fault, Field, Fields, Frame, FrameKind, Header, ReadOptions, Reader};
 use bodyflight_io::diagnostic::{Problem, Result};
+use complete::{Places, check_fields, places};
 use limbs::Moving;
 use plausibility::{JOINT_LIMIT, OpenJoint};
 pub use warning::{Warning, faults};
@@ -71,6 +73,8 @@ pub struct Recording<'a> {
     bridge: bridge::Bridge,
     watch: watch::Watch,
     mountings: mounting::Mountings,
+    /// The frame whose joints are furthest apart, and how far (m), if they are too far.
+    open: Option<(Frame, f64)>,
     /// Velocities that replace the suit's.
     velocities: Option<Velocities>,
     finished: bool,
@@ -79,9 +83,6 @@ pub struct Recording<'a> {
 /// Velocity of the pelvis (m/s, inertial axes) at a time since frame 0 (s), from another sensor than the suit; `None`
 /// where it has none.
 pub type Velocities = Box<dyn Fn(f64) -> Option<Vector<f64, Inertial>> + Send>;
-
-/// Position of each of the model's segments among those of a frame.
-type Places = SegmentArray<usize>;
 
 impl Recording<'static> {
     /// Opens a flight.
@@ -151,7 +152,7 @@ impl<'a> Recording<'a> {
             return Err(named(arms::open_joints(
                 &skeleton,
                 reader.header(),
-                &ahead,
+                &ahead.iter().collect::<Vec<_>>(),
                 closure_error,
             )));
         }
@@ -174,6 +175,7 @@ impl<'a> Recording<'a> {
             bridge,
             watch: watch::Watch::new(frame_rate),
             mountings: mounting::Mountings::default(),
+            open: None,
             velocities: None,
             finished: false,
         })
@@ -234,6 +236,7 @@ impl<'a> Recording<'a> {
     fn found(&self, postures_from_s: f64) -> Vec<Warning> {
         let mut warnings = self.watch.warnings(postures_from_s);
         warnings.extend(self.mountings().iter().map(Mounting::warning));
+        warnings.extend(self.exchanged());
         let props = self.header().segments.iter().map(|segment| &segment.label);
         let props = props.filter(|label| MvnSegment::ALL.iter().all(|own| own.label() != *label));
         for prop in props {
@@ -247,6 +250,20 @@ impl<'a> Recording<'a> {
             warnings.push(Warning::new(0, message));
         }
         warnings
+    }
+
+    /// Sides of a limb that are exchanged where joints are apart: in the first frames, they may have been straight.
+    fn exchanged(&self) -> Option<Warning> {
+        let (frame, apart) = self.open.as_ref()?;
+        let frames = std::iter::once(frame);
+        let said = arms::exchanged(&self.skeleton, self.header(), frames, *apart)?;
+        let time = self.bridge.time(frame.index);
+        Some(Warning::fault(frame.index, [time; 2], said))
+    }
+
+    /// Scale of the angular velocities of the pelvis about the axes of the body, where the attitudes show another than one.
+    pub fn gyroscope_scale(&self) -> Option<[f64; 3]> {
+        self.watch.spins.gyroscope_scale()
     }
 
     /// The first good calibration frame of a kind, as posture and motion; `None` if there is none.
@@ -353,6 +370,14 @@ impl<'a> Recording<'a> {
                 self.bridge.bad(fault)?;
             } else if let Some(flight) = self.flight_frame(&mut frame) {
                 let joint = self.worst_joint(&frame);
+                if let Some(joint) = &joint
+                    && self
+                        .open
+                        .as_ref()
+                        .is_none_or(|(_, apart)| joint.apart > *apart)
+                {
+                    self.open = Some((frame.clone(), joint.apart));
+                }
                 let moving = self.moving(&frame);
                 self.watch.see(&flight, frame.written_time, joint, &moving);
                 self.mountings.see_frame(&self.skeleton, &frame);
@@ -383,43 +408,4 @@ impl Iterator for Recording<'_> {
             .map_err(|problem| problem.in_file(self.reader.path()))
             .transpose()
     }
-}
-
-/// Finds the model's segments in a file.
-fn places(header: &Header) -> Result<Places> {
-    let mut missing = Vec::new();
-    let places = SegmentArray::from_fn(|segment| {
-        let label = MvnSegment::leading(segment).label();
-        header.segment_index(label).unwrap_or_else(|| {
-            missing.push(label);
-            0
-        })
-    });
-    if missing.is_empty() {
-        return Ok(places);
-    }
-    Err(Problem::bad_input(format!(
-        "a flight needs the full body, but the file has no segment {}",
-        missing.join(", ")
-    ))
-    .help("export the recording again with all 23 segments"))
-}
-
-/// Checks that orientation and position are present in some of the first frames; faults of single frames are handled
-/// later.
-fn check_fields(first: &Frame, frames: &VecDeque<Frame>) -> Result<()> {
-    for field in [Field::Orientation, Field::Position] {
-        if frames.iter().all(|frame| !frame.present().contains(field)) {
-            let element = field.element();
-            return Err(
-                Problem::bad_input(format!("expected <{element}>, found none"))
-                    .at_line(first.line)
-                    .at(format!("frame {}", first.index))
-                    .help(format!(
-                        "export the recording again from MVN with <{element}> included"
-                    )),
-            );
-        }
-    }
-    Ok(())
 }

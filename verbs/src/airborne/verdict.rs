@@ -31,7 +31,7 @@ const FAR: f64 = 3.0;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Fault {
-    /// `tilt`, `rate`, `step`, `mounting`, `recording` or `momentum`.
+    /// `tilt`, `rate`, `step`, `mounting`, `recording`, `delay` or `momentum`.
     pub kind: &'static str,
     /// In a sentence, with size and error bar.
     pub message: String,
@@ -169,9 +169,11 @@ impl Verdict {
             });
         }
         let drifts = drifts(momenta);
+        // Late postures are the reason where they are told.
+        let is_late = faults.iter().any(|fault| fault.kind == "delay");
         if let Some(drift) = drifts
             .get(drifts.len() / 2)
-            .filter(|drift| **drift > LEAST_DRIFT && rate >= SLOW)
+            .filter(|drift| **drift > LEAST_DRIFT && rate >= SLOW && !is_late)
         {
             faults.push(Fault {
                 kind: "momentum",

@@ -6,6 +6,7 @@ use bodyflight_discovery::input::flight::RecordedFlight;
 use bodyflight_io::diagnostic::{Problem, Result};
 use bodyflight_mvnx::recording::{FlightFrame, Options, Warning, faults};
 use bodyflight_replay::flight::Flight;
+use nalgebra::Vector3;
 
 use crate::airborne::{self, Capture};
 
@@ -57,12 +58,20 @@ impl Reading {
                     .in_file(&flight.recording),
             );
         }
+        let scale = frames.gyroscope_scale();
+        if scale.is_some() {
+            let said = "the search takes the scale of the gyroscope out of the angular velocities";
+            remarks.push(Warning::new(0, said.to_owned()));
+        }
         let first = all.first().ok_or_else(|| {
             Problem::bad_input("expected frames of type \"normal\"").in_file(&flight.recording)
         })?;
         let dynamics = flight.dynamics(first.pelvis.position.components.z);
         let track = |samples: &[FlightSample], dynamics: Dynamics<f64>| {
-            RecordedFlight::new(samples, dynamics, |time| flight.inputs_at(time))
+            let samples: Vec<FlightSample> = (samples.iter())
+                .map(|sample| without_scale(sample, scale.unwrap_or([1.0; 3])))
+                .collect();
+            RecordedFlight::new(&samples, dynamics, |time| flight.inputs_at(time))
         };
         let tracks = match &jump {
             Some(capture) if is_carried => {
@@ -83,6 +92,15 @@ impl Reading {
             whole: (!is_carried).then_some(all),
         })
     }
+}
+
+/// A sample without the scale of its gyroscope about the axes of the body. No effect of the library is one, so another
+/// would take its place.
+fn without_scale(sample: &FlightSample, scale: [f64; 3]) -> FlightSample {
+    let mut corrected = *sample;
+    let rates = &mut corrected.motion.angular_velocity.components;
+    rates.component_div_assign(&Vector3::from(scale));
+    corrected
 }
 
 /// Whether the air hardly matters anywhere in a recording.

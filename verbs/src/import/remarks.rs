@@ -2,7 +2,7 @@
 
 use bodyflight_core::Segment;
 use bodyflight_mocap::source::Source;
-use bodyflight_replay::person::disproportionate;
+use bodyflight_replay::person::{disproportionate, uneven};
 use bodyflight_replay::subject::Subject;
 
 /// Relative difference allowed between the thigh lengths of source and subject.
@@ -43,6 +43,11 @@ pub(super) fn warnings(
         );
         doubts.extend(is_known.then(|| said.clone()));
         warnings.push(said);
+    }
+    if is_known {
+        // What is written has the limbs of the subject: only the source shows that one of them is wrong.
+        let uneven = uneven(&subject.body(), |segment| source.lengths_m[segment]);
+        warnings.extend(uneven.into_iter().map(|(_, said)| said));
     }
     if let Some((_, said)) = disproportionate(|segment| source.lengths_m[segment]) {
         doubts.push(said.clone());

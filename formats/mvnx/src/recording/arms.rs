@@ -1,7 +1,5 @@
 //! The convention of the arms, found from how well the segments meet.
 
-use std::collections::VecDeque;
-
 use super::plausibility::JOINT_LIMIT;
 use crate::closure::Skeleton;
 use crate::{ArmFrame, Field, Frame, FrameKind, Header};
@@ -54,12 +52,12 @@ const LIMBS: [(&str, &[&str]); 4] = [
 const LEFT_OVER: f64 = 0.3;
 
 /// Largest distance (m) between the two sides of a joint if the orientations were others.
-fn closure(
+fn closure<'a>(
     skeleton: &Skeleton,
-    frames: &VecDeque<Frame>,
+    frames: impl Iterator<Item = &'a Frame>,
     other: impl Fn(&[f64]) -> Vec<f64>,
 ) -> f64 {
-    let each = frames.iter().filter_map(|frame| {
+    let each = frames.filter_map(|frame| {
         let orientation = other(frame.numbers(Field::Orientation)?);
         let position = frame.numbers(Field::Position)?;
         let closes = |arms| skeleton.closure_error(&orientation, position, arms);
@@ -68,17 +66,18 @@ fn closure(
     each.fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// The limb whose sides are exchanged, if the segments meet with them changed back, and the distance then (m).
-fn exchanged(
+/// Says which limb's sides are exchanged, if the segments, which are `apart` (m), meet with them changed back.
+pub(super) fn exchanged<'a>(
     skeleton: &Skeleton,
     header: &Header,
-    frames: &VecDeque<Frame>,
-) -> Option<(&'static str, f64)> {
+    frames: impl Iterator<Item = &'a Frame> + Clone,
+    apart: f64,
+) -> Option<String> {
     let changed_back = |segments: &[&str]| {
         let index = |side: &str, name: &str| header.segment_index(&format!("{side}{name}"));
         let both = |name: &&str| index("Left", name).zip(index("Right", name));
         let places: Vec<(usize, usize)> = segments.iter().filter_map(both).collect();
-        closure(skeleton, frames, |orientation| {
+        closure(skeleton, frames.clone(), |orientation| {
             let mut changed = orientation.to_vec();
             // A recording without orientations of all segments has segments that do not meet.
             let (quaternions, _) = changed.as_chunks_mut::<4>();
@@ -91,8 +90,14 @@ fn exchanged(
         })
     };
     let all = LIMBS.map(|(limb, segments)| (limb, changed_back(segments)));
-    let closed = all.into_iter().filter(|(_, apart)| *apart >= 0.0);
-    closed.min_by(|a, b| a.1.total_cmp(&b.1))
+    let closed = all.into_iter().filter(|(_, left)| *left >= 0.0);
+    let (limb, left) = closed.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    (left < CLOSURE_LIMIT.min(LEFT_OVER * apart)).then(|| {
+        format!(
+            "left and right {limb} are exchanged: changed back, they are {left:.3} m apart. Change their sensors or labels, \
+             and export the recording again"
+        )
+    })
 }
 
 /// The error for segments that do not meet; if they would with the quaternions in another order, or with both sides of a
@@ -100,14 +105,15 @@ fn exchanged(
 pub(super) fn open_joints(
     skeleton: &Skeleton,
     header: &Header,
-    frames: &VecDeque<Frame>,
+    frames: &[&Frame],
     closure_error: f64,
 ) -> Problem {
-    let reordered = closure(skeleton, frames, |orientation| {
+    let all = || frames.iter().copied();
+    let reordered = closure(skeleton, all(), |orientation| {
         let each = orientation.chunks_exact(4);
         each.flat_map(|q| [q[3], q[0], q[1], q[2]]).collect()
     });
-    let first = frames.front().map_or(0, |frame| frame.index);
+    let first = frames.first().map_or(0, |frame| frame.index);
     let problem = Problem::bad_input(format!(
         "the segments do not meet at their joints: {closure_error:.3} m apart, expected below {CLOSURE_LIMIT} m"
     ))
@@ -117,13 +123,8 @@ pub(super) fn open_joints(
             "read as x y z w, the quaternions close the joints to {reordered:.4} m: write them as w x y z"
         ));
     }
-    let exchanged = exchanged(skeleton, header, frames)
-        .filter(|(_, apart)| *apart < CLOSURE_LIMIT.min(LEFT_OVER * closure_error));
-    if let Some((limb, apart)) = exchanged {
-        return problem.help(format!(
-            "left and right {limb} are exchanged: changed back, they are {apart:.3} m apart. Change their sensors or labels, \
-             and export the recording again"
-        ));
+    if let Some(said) = exchanged(skeleton, header, all(), closure_error) {
+        return problem.help(said);
     }
     problem.help("orientations must be quaternions w x y z of the same subject as the points")
 }

@@ -4,7 +4,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::agreement::{Agreement, Zeros};
-use super::gyroscope::Gyroscope;
+use super::gyroscope::{Gyroscope, Turned};
 
 /// Time over which the two may part (s), and the rotation that noise and slow errors of rates do not explain: an angle (rad)
 /// and a share of the way.
@@ -43,6 +43,8 @@ struct Piece {
 struct Brief {
     begin: f64,
     turned: [[Vector3<f64>; 2]; 2],
+    /// Angular acceleration at its begin, in axes of the body (rad/s2).
+    acceleration: Vector3<f64>,
 }
 
 /// A time in which the two part (s), and what the angular velocities turn further, in axes of the body (rad).
@@ -62,6 +64,8 @@ pub(super) struct Spins {
     length: f64,
     further: Vector3<f64>,
     brief: Option<Brief>,
+    /// Angular acceleration between the last two frames, in axes of the body (rad/s2).
+    acceleration: Option<Vector3<f64>>,
     /// The two about each axis of the world and of the body.
     about: [[Agreement; 3]; 2],
     gyroscope: Gyroscope,
@@ -83,17 +87,20 @@ impl Spins {
     ) {
         let by_rates = 0.5 * (before + now) * duration;
         let in_body = |turn: &Vector3<f64>| inertial_from_body.inverse_transform_vector(turn);
+        let acceleration = in_body(&((now - before) / duration));
         let brief = self.brief.get_or_insert(Brief {
             begin: time - duration,
             turned: [[Vector3::zeros(); 2]; 2],
+            acceleration: self.acceleration.unwrap_or(acceleration),
         });
+        self.acceleration = Some(acceleration);
         let both = [[*turn, by_rates], [in_body(turn), in_body(&by_rates)]];
         for (sums, turned) in brief.turned.iter_mut().flatten().zip(both.iter().flatten()) {
             *sums += turned;
         }
-        let Brief { begin, turned } = *brief;
-        if time - begin >= BRIEF {
-            self.end_brief(time - begin, &turned);
+        let brief = *brief;
+        if time - brief.begin >= BRIEF {
+            self.end_brief(time - brief.begin, &brief, acceleration);
         }
         self.zeros.see(time, turn, now);
         let piece = self.piece.get_or_insert_with(|| Piece {
@@ -125,13 +132,18 @@ impl Spins {
         self.piece = None;
     }
 
-    /// Takes the rotations of a brief time of this length (s).
-    fn end_brief(&mut self, length: f64, turned: &[[Vector3<f64>; 2]; 2]) {
-        let [[by_attitudes, by_rates], in_body] = turned;
+    /// Takes the rotations of a brief time of this length (s), and the angular acceleration at its end.
+    fn end_brief(&mut self, length: f64, brief: &Brief, acceleration: Vector3<f64>) {
+        let [[by_attitudes, by_rates], in_body] = brief.turned;
         self.briefs += 1;
         self.scatter += (by_attitudes - by_rates).norm() / length;
-        self.gyroscope.see(length, in_body);
-        for (about, [expected, found]) in self.about.iter_mut().zip(turned) {
+        self.gyroscope.see(&Turned {
+            time: length,
+            by_attitudes: in_body[0],
+            by_rates: in_body[1],
+            bends: acceleration - brief.acceleration,
+        });
+        for (about, [expected, found]) in self.about.iter_mut().zip(&brief.turned) {
             for (axis, agreement) in about.iter_mut().enumerate() {
                 let along = |turned: &Vector3<f64>| Vector3::x() * (turned[axis] / length);
                 agreement.add(&along(expected), &along(found));
@@ -186,10 +198,16 @@ impl Spins {
         self.gyroscope.errors()
     }
 
+    /// Its scale about the axes of the body, if it is worth telling.
+    pub(super) fn gyroscope_scale(&self) -> Option<[f64; 3]> {
+        self.gyroscope.scale()
+    }
+
     /// Forgets what is compared across a gap.
     pub(super) fn interrupt(&mut self) {
         self.piece = None;
         self.brief = None;
+        self.acceleration = None;
     }
 
     /// When attitudes and angular velocities part, but for a bias, in a sentence, with the time it concerns (s).

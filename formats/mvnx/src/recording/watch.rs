@@ -94,7 +94,7 @@ pub(super) struct Watch {
     turn: Option<Turn>,
     turns: u64,
     fastest: Option<(u64, f64)>,
-    spins: Spins,
+    pub(super) spins: Spins,
     paths: Paths,
     anatomy: Anatomy,
     segments: Plausibility,
