@@ -12,7 +12,7 @@ use crate::hypotheses::hypothesis::{
 };
 use crate::hypotheses::refit::Refit;
 use crate::hypotheses::robust_covariance::error_bars;
-use crate::hypotheses::runner_up::fitted_beside;
+use crate::hypotheses::runner_up::{SetAside, fitted_beside};
 use crate::hypotheses::score_test::JointFit;
 use crate::jacobian::linearization_point::LinearizationPoint;
 use crate::likelihood::flight_problem::FlightProblem;
@@ -165,9 +165,7 @@ pub(crate) fn selected<'a>(
     let mut bare: Option<JointFit<'a>> = None;
     let mut nearest: Option<Rejected> = None;
     let mut out_of_question: Vec<Effect> = Vec::new();
-    // Candidates rejected since the last name, as refitted and as they were to first order.
-    let mut rejected: Vec<Hypothesis> = Vec::new();
-    let mut set_aside: Vec<Hypothesis> = Vec::new();
+    let mut set_aside: Vec<SetAside> = Vec::new();
     while names.len() < max_effects && out_of_question.len() < DECISION.rejections {
         begin(refit.progress, "comparing the effects of the library")?;
         let tried = names.len() + out_of_question.len();
@@ -181,12 +179,7 @@ pub(crate) fn selected<'a>(
             break;
         }
         let first_order = found.hypothesis.clone();
-        let before = joint_fit.likelihoods();
-        let (mut name, next) = fitted_beside(refit, &files, &mut joint_fit, found, &set_aside)?;
-        let gained = joint_fit.gained_since(&before);
-        for one in &mut rejected {
-            one.less_likely(&gained);
-        }
+        let (mut name, next) = fitted_beside(refit, &files, &mut joint_fit, found, &mut set_aside)?;
         reached(refit.progress, tried, 1.0);
         let bars = next
             .as_ref()
@@ -200,8 +193,8 @@ pub(crate) fn selected<'a>(
             && is_significant
             && is_nameable
         {
-            name.others.append(&mut rejected);
-            set_aside.clear();
+            let others = set_aside.drain(..).map(|one| one.refitted);
+            name.others.extend(others);
             if plain.is_none() {
                 plain = joint_fit.without_wrench(refit.progress)?;
             }
@@ -211,8 +204,10 @@ pub(crate) fn selected<'a>(
             continue;
         }
         out_of_question.push(name.hypothesis.effect);
-        rejected.push(name.hypothesis.clone());
-        set_aside.push(first_order);
+        set_aside.push(SetAside {
+            first_order,
+            refitted: name.hypothesis.clone(),
+        });
         nearest.get_or_insert(Rejected {
             errors: bars.errors_beside(&name.hypothesis),
             is_alternative: names.is_empty(),

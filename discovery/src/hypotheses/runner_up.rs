@@ -17,6 +17,12 @@ struct RefittedRunnerUp<'a> {
     joint_fit: JointFit<'a>,
 }
 
+/// A candidate that was not certain, since the last name.
+pub(crate) struct SetAside {
+    pub(crate) first_order: Hypothesis,
+    pub(crate) refitted: Hypothesis,
+}
+
 /// Candidates that seem good enough to be compared with `one`.
 fn challenging(hypotheses: &[Hypothesis], one: &Hypothesis) -> Vec<Hypothesis> {
     let best = one.score();
@@ -34,8 +40,8 @@ fn challenging(hypotheses: &[Hypothesis], one: &Hypothesis) -> Vec<Hypothesis> {
 /// Returns the candidate that was found, or a close competitor that proves better once everything is refitted with
 /// it, together with the flights fitted with it if that succeeds.
 ///
-/// Those in `set_aside`, which were not certain when they were refitted, compete again as they were to first order: what is
-/// found with another effect may lead them out of a poor minimum.
+/// Those in `set_aside` compete again as they were to first order: what is found with another effect may lead them out of a
+/// poor minimum. What the flights without any of them gain is taken from their gains.
 ///
 /// # Errors
 /// Returns an error if the search was cancelled.
@@ -44,14 +50,15 @@ pub(crate) fn fitted_beside<'a>(
     files: &JointFit<'a>,
     joint_fit: &mut JointFit<'a>,
     found: BestHypothesis,
-    set_aside: &[Hypothesis],
+    set_aside: &mut [SetAside],
 ) -> Result<(NamedEffect, Option<JointFit<'a>>)> {
     let BestHypothesis {
         hypothesis,
         hypotheses,
         around_files,
     } = found;
-    let hypotheses = [set_aside, &hypotheses].concat();
+    let aside = set_aside.iter().map(|one| one.first_order.clone());
+    let hypotheses: Vec<Hypothesis> = aside.chain(hypotheses).collect();
     let mut name = NamedEffect {
         hypothesis,
         others: Vec::new(),
@@ -73,6 +80,7 @@ pub(crate) fn fitted_beside<'a>(
         }
     }
     let first = name.hypothesis.effect;
+    let alone = joint_fit.likelihoods();
     let (gained, retried) = refit.retried(joint_fit, next)?;
     next = retried;
     if gained > DECISION.refit_allowance() {
@@ -91,6 +99,10 @@ pub(crate) fn fitted_beside<'a>(
         (_, next) = refit.retried(joint_fit, next)?;
         name.less_likely(&joint_fit.gained_since(&before));
         name.hypothesis = refit.compared(joint_fit, &next, &name.hypothesis)?;
+    }
+    let gained = joint_fit.gained_since(&alone);
+    for one in set_aside {
+        one.refitted.less_likely(&gained);
     }
     Ok((name, Some(next)))
 }
