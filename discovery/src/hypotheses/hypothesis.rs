@@ -393,6 +393,30 @@ mod tests {
         assert!(!is_significant(&both.of_effect(Effect::Booties)));
     }
 
+    /// Rivals are compared with the same flights: what these gain without any effect, each rival gains less.
+    #[test]
+    fn what_flights_gain_without_an_effect_every_rival_gains_less() {
+        let hypothesis = updraft(4.0, 0.5);
+        let rival = Hypothesis {
+            gain: 30.0,
+            gains_held_out: vec![20.0, 10.0],
+            ..hypothesis.clone()
+        };
+        let mut name = NamedEffect {
+            others: vec![rival],
+            hypothesis: hypothesis.clone(),
+        };
+        name.less_likely(&[5.0, 1.0, 2.0, 3.0]);
+        let [rival] = &name.others[..] else {
+            panic!("one rival");
+        };
+        assert_eq!(
+            (rival.gain, &rival.gains_held_out[..]),
+            (24.0, &[18.0, 7.0][..])
+        );
+        assert!((name.hypothesis.gain - hypothesis.gain).abs() < 1e-12);
+    }
+
     /// Another effect with a score that is lower by this.
     fn beside(best: &Hypothesis, effect: Effect, less: f64) -> Hypothesis {
         let mut other = Hypothesis {
