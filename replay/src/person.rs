@@ -42,24 +42,15 @@ const APART: f64 = 0.15;
 /// Lengths of a bone in a recording and in a body, left and right (m).
 type Lengths = [[f64; 2]; 2];
 
-/// The next segment, whose joint is at the end of a bone.
-const fn next(own: Segment) -> Segment {
-    match own {
-        Segment::LeftThigh => Segment::LeftShank,
-        Segment::RightThigh => Segment::RightShank,
-        Segment::LeftShank => Segment::LeftFoot,
-        Segment::RightShank => Segment::RightFoot,
-        Segment::LeftUpperArm => Segment::LeftForearm,
-        Segment::RightUpperArm => Segment::RightForearm,
-        Segment::LeftForearm => Segment::LeftHand,
-        _ => Segment::RightHand,
-    }
-}
-
 /// What a body has as the length of a bone: the distance of its joints, which moves the segments, and the length of the
 /// segment, which the air sees. A table of segments may state either.
 const MODELLED: [fn(&Body<f64>, Segment) -> f64; 2] = [
-    |body, own| body.segments[next(own)].joint_offset.norm(),
+    |body, own| {
+        // A bone of a limb ends at the joint of one segment.
+        let mut all = Segment::ALL.into_iter();
+        let next = all.find(|segment| segment.parent() == Some(own));
+        next.map_or(0.0, |next| body.segments[next].joint_offset.norm())
+    },
     |body, own| body.segments[own].length,
 ];
 

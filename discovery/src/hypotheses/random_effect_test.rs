@@ -63,6 +63,7 @@ pub(crate) fn strongest<'a>(
         return Ok(None);
     };
     refit.refitted_from(&mut without, &with)?;
+    // An effect that changes at random acts on the covariance alone, so what this gains is its own.
     let hypothesis = without.compared(&with, &hypothesis, &[]);
     let is_significant = is_significant(&hypothesis);
     let stands_out =
